@@ -1,0 +1,7 @@
+//! placeholder
+/// H3
+#[derive(Clone, Copy, Debug)]
+pub struct Mirror;
+/// H3
+#[derive(Clone, Copy, Debug)]
+pub struct Conductor;

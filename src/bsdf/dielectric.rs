@@ -1,0 +1,4 @@
+//! placeholder
+/// H3
+#[derive(Clone, Copy, Debug)]
+pub struct Dielectric;

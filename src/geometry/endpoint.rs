@@ -1,0 +1,45 @@
+//! The first vertex of a sub-path, on a light or a sensor, as lights and cameras describe it.
+
+use super::SurfaceId;
+use glam::DVec3;
+
+/// A point of a light or sensor. For lights at infinity `p` is meaningless and `n` is the direction the light travels.
+#[derive(Clone, Copy, Debug)]
+pub struct EndPoint {
+    /// Position in world space.
+    pub p: DVec3,
+    /// Unit normal of the emitting or receiving side (area lights, detectors, lenses); zero for point lights and pinholes.
+    pub n: DVec3,
+    /// The face, if it is part of the scene's geometry.
+    pub surface: Option<SurfaceId>,
+    /// At infinity: directional light or environment.
+    pub infinite: bool,
+}
+
+impl EndPoint {
+    /// |cos| between the end point's normal and `w`; 1 where it has no normal or lies at infinity.
+    #[must_use]
+    pub fn cos(&self, w: DVec3) -> f64 {
+        if self.infinite || self.n == DVec3::ZERO { 1.0 } else { self.n.dot(w).abs() }
+    }
+}
+
+/// Density of the direction in which a sub-path leaves its end point, which fixes the area density of the next vertex.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DirectionalDensity {
+    /// Per steradian at the end point: area density `pdf · cosθ / d²` at the next vertex.
+    SolidAngle(f64),
+    /// Per area perpendicular to the (fixed or already counted) direction: area density `pdf · cosθ` at the next vertex.
+    Perpendicular(f64),
+}
+
+impl DirectionalDensity {
+    /// Area density at the next vertex, at distance² `d2`, whose normal makes `cos` (absolute value) with the segment.
+    #[must_use]
+    pub fn area_density(self, cos: f64, d2: f64) -> f64 {
+        match self {
+            Self::SolidAngle(pdf) => pdf * cos / d2,
+            Self::Perpendicular(pdf) => pdf * cos,
+        }
+    }
+}

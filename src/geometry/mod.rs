@@ -1,0 +1,22 @@
+//! Where rays hit: rays, shapes, meshes, instances and the two-level tree over them.
+//!
+//! Everything is f64 except mesh vertices and tree boxes. No epsilon depends on the scale of the scene: a ray that
+//! leaves a surface names the face (and root) it left.
+
+pub mod accel;
+pub mod endpoint;
+pub mod hit;
+pub mod instance;
+pub mod mesh;
+pub mod motion;
+pub mod ray;
+pub mod shape;
+
+pub use accel::Accel;
+pub use endpoint::{DirectionalDensity, EndPoint};
+pub use hit::{Hit, SurfaceId, SurfacePoint};
+pub use instance::{Instance, InstanceId};
+pub use mesh::Mesh;
+pub use motion::Transform;
+pub use ray::Ray;
+pub use shape::Shape;

@@ -1,0 +1,4 @@
+//! placeholder
+/// H4
+#[derive(Clone, Debug)]
+pub struct BeamLight;

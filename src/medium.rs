@@ -1,0 +1,153 @@
+//! Homogeneous media, and the stack of nested solids a sub-path is inside of.
+
+use crate::geometry::InstanceId;
+use crate::spectrum::{Curve, Ior, MAX_LANES, SampledSpectrum, SampledWavelengths};
+use arrayvec::ArrayVec;
+
+/// Index of a medium in the scene. 0 is the ambient medium.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct MediumId(pub u32);
+
+impl MediumId {
+    /// What everything is in unless a solid says otherwise (air, n = 1, unless the scene names another).
+    pub const AMBIENT: Self = Self(0);
+}
+
+/// A clear or absorbing medium.
+#[derive(Clone, Debug)]
+pub struct Medium {
+    /// Name, for messages.
+    pub name: String,
+    /// Refractive index.
+    pub ior: Ior,
+    /// Absorption coefficient in 1/m beyond what the index's k gives (0 for none).
+    pub absorption: Option<Curve>,
+    /// Whether the k table of `ior` absorbs too (Beer-Lambert, α = 4πk/λ).
+    pub use_k: bool,
+}
+
+/// A medium at the wavelengths of a path.
+#[derive(Clone, Copy, Debug)]
+pub struct MediumLanes {
+    /// Refractive index per lane.
+    pub eta: [f64; MAX_LANES],
+    /// Absorption coefficient per lane in 1/m; `None` for a clear medium.
+    pub absorption: Option<[f64; MAX_LANES]>,
+    /// The index varies with wavelength.
+    pub dispersive: bool,
+}
+
+impl Medium {
+    /// Index and absorption at the wavelengths of a path.
+    #[must_use]
+    pub fn sample(&self, wavelengths: &SampledWavelengths) -> MediumLanes {
+        let n = wavelengths.count();
+        let eta = std::array::from_fn(|j| if j < n { self.ior.n(wavelengths.lambda_nm(j)) } else { 1.0 });
+        let uses_k = self.use_k && self.ior.is_absorbing();
+        let absorption = (uses_k || self.absorption.is_some()).then(|| {
+            std::array::from_fn(|j| {
+                if j >= n {
+                    return 0.0;
+                }
+                let nm = wavelengths.lambda_nm(j);
+                let from_k = if uses_k { 4.0 * std::f64::consts::PI * self.ior.k(nm) / (nm * 1e-9) } else { 0.0 };
+                from_k + self.absorption.as_ref().map_or(0.0, |a| a.eval(nm))
+            })
+        });
+        MediumLanes { eta, absorption, dispersive: self.ior.is_dispersive() }
+    }
+}
+
+impl MediumLanes {
+    /// Beer-Lambert transmittance over `distance` (m).
+    #[must_use]
+    pub fn transmittance(&self, distance: f64) -> SampledSpectrum {
+        match &self.absorption {
+            None => SampledSpectrum::ONE,
+            Some(a) => SampledSpectrum::from_fn(|j| (-a[j] * distance).exp() as f32),
+        }
+    }
+}
+
+/// Precedence of a solid where solids overlap: the larger wins; ties are broken by the instance, so that the order is total
+/// and does not depend on the direction of travel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Rank {
+    /// The scene's number; larger wins.
+    pub priority: i32,
+    /// The solid.
+    pub solid: InstanceId,
+}
+
+/// How a surface separates media.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Boundary {
+    /// It does not (opaque surfaces, thin sheets, sensors).
+    None,
+    /// It closes a solid filled with a medium.
+    Solid {
+        /// What fills it.
+        medium: MediumId,
+        /// Its precedence.
+        priority: i32,
+    },
+    /// It names the media on both sides (lens surfaces).
+    Interface {
+        /// On the side the geometric normal points to.
+        above: MediumId,
+        /// On the other side.
+        below: MediumId,
+    },
+}
+
+/// The solids a point is inside of. The one of highest rank is the medium there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MediumStack {
+    /// Sorted by rank, highest last.
+    solids: ArrayVec<(Rank, MediumId), 6>,
+    /// Where no solid is.
+    outside: MediumId,
+}
+
+impl MediumStack {
+    /// In no solid.
+    #[must_use]
+    pub fn new(outside: MediumId) -> Self {
+        Self { solids: ArrayVec::new(), outside }
+    }
+
+    /// The medium here.
+    #[must_use]
+    pub fn medium(&self) -> MediumId {
+        self.solids.last().map_or(self.outside, |s| s.1)
+    }
+
+    /// The rank of the solid whose medium this is; `None` outside all solids.
+    #[must_use]
+    pub fn rank(&self) -> Option<Rank> {
+        self.solids.last().map(|s| s.0)
+    }
+
+    /// The stack behind `boundary` of `solid`, crossed with (`entering`) or against... the geometric normal's back side:
+    /// `entering` = travelling against the normal. `None` where the stack overflows.
+    #[must_use]
+    pub fn crossed(&self, boundary: Boundary, solid: InstanceId, entering: bool) -> Option<Self> {
+        let mut next = self.clone();
+        match boundary {
+            Boundary::None => {}
+            Boundary::Solid { medium, priority } => {
+                let rank = Rank { priority, solid };
+                if entering {
+                    let at = next.solids.partition_point(|s| s.0 < rank);
+                    if next.solids.get(at).is_none_or(|s| s.0 != rank) {
+                        next.solids.try_insert(at, (rank, medium)).ok()?;
+                    }
+                } else {
+                    next.solids.retain(|s| s.0 != rank);
+                }
+            }
+            Boundary::Interface { above, below } => next.outside = if entering { below } else { above },
+        }
+        Some(next)
+    }
+}

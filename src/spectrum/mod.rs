@@ -1,0 +1,17 @@
+//! Wavelengths, spectra, refractive indices and colour.
+
+pub mod cie;
+pub mod curve;
+pub mod emission;
+pub mod ior;
+pub mod library;
+pub mod sampled;
+pub mod upsample;
+pub mod wavelengths;
+pub mod xyz;
+
+pub use curve::Curve;
+pub use emission::Emission;
+pub use ior::Ior;
+pub use sampled::{MAX_LANES, SampledSpectrum};
+pub use wavelengths::{SampledWavelengths, WavelengthDistribution};
