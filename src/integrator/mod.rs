@@ -1,1 +1,5 @@
-//! placeholder
+//! Integrators: thin strategies over the path core.
+
+pub mod sample;
+
+pub use sample::{Frame, Workspace, sample_pixel};

@@ -1,1 +1,179 @@
-//! placeholder
+//! Rendering: passes over tiles on all threads, stop rules, and what is kept of the contributions.
+
+pub mod guides;
+pub mod outputs;
+pub mod pilot;
+pub mod table;
+
+pub use outputs::{OutputRequest, Outputs};
+pub use table::ClassTable;
+
+use crate::film::Crop;
+use crate::integrator::{Frame, Workspace, sample_pixel};
+use crate::scene::{Scene, Settings};
+use crate::transport::{Counters, PassSettings, Target};
+use rayon::prelude::*;
+
+/// Side of a tile in pixels.
+const TILE: u32 = 16;
+
+/// The render of one sensor: passes are added one by one.
+#[derive(Debug)]
+pub struct Render<'a> {
+    frame: Frame<'a>,
+    crop: Crop,
+    outputs: Outputs,
+    /// Roulette threshold of this seed and scene, from the pilot.
+    roulette_threshold: f64,
+    /// Global indices of the passes done.
+    passes: Vec<u32>,
+    counters: Counters,
+    table: ClassTable,
+}
+
+/// What one thread collects during a pass.
+#[derive(Default)]
+struct Local {
+    workspace: Workspace,
+    values: Vec<f64>,
+    table: ClassTable,
+}
+
+impl<'a> Render<'a> {
+    /// Prepares the render of a sensor over part of its film.
+    #[must_use]
+    pub fn new(scene: &'a Scene, sensor: usize, settings: &'a Settings, crop: Crop, request: &OutputRequest) -> Self {
+        let frame = Frame::new(scene, sensor, settings, &crop, request.class_table);
+        let outputs = Outputs::new(request, crop, scene.sensors[sensor].filter.clone());
+        let roulette_threshold = pilot::roulette_threshold(&frame, &outputs.response);
+        Self {
+            frame,
+            crop,
+            outputs,
+            roulette_threshold,
+            passes: Vec::new(),
+            counters: Counters::default(),
+            table: ClassTable::default(),
+        }
+    }
+
+    /// The settings of pass `index`.
+    #[must_use]
+    pub fn pass_settings(&self, index: u32) -> PassSettings {
+        PassSettings { index, roulette_threshold: self.roulette_threshold, ..PassSettings::default() }
+    }
+
+    /// Adds pass `index`: one sample per pixel.
+    pub fn add_pass(&mut self, index: u32) {
+        let pass = self.pass_settings(index);
+        let half = (index & 1) as usize;
+        let (frame, outputs) = (&self.frame, &self.outputs);
+        let local = tiles(&self.crop)
+            .into_par_iter()
+            .fold(Local::default, |mut local, tile| {
+                for y in tile.y0..tile.y1 {
+                    for x in tile.x0..tile.x1 {
+                        render_pixel(frame, &pass, outputs, (x, y), half, &mut local);
+                    }
+                }
+                local
+            })
+            .reduce(Local::default, |mut a, b| {
+                a.workspace.counters.add(&b.workspace.counters);
+                a.table.merge(b.table);
+                a
+            });
+        self.counters.add(&local.workspace.counters);
+        self.table.merge(local.table);
+        self.passes.push(index);
+    }
+
+    /// Global indices of the passes done, in the order they were done.
+    #[must_use]
+    pub fn passes(&self) -> &[u32] {
+        &self.passes
+    }
+
+    /// Numbers of even and odd passes done.
+    #[must_use]
+    pub fn pass_counts(&self) -> [u64; 2] {
+        let odd = self.passes.iter().filter(|&&p| p & 1 == 1).count() as u64;
+        [self.passes.len() as u64 - odd, odd]
+    }
+
+    /// What was kept.
+    #[must_use]
+    pub fn outputs(&self) -> &Outputs {
+        &self.outputs
+    }
+
+    /// The rendered part of the film.
+    #[must_use]
+    pub fn crop(&self) -> Crop {
+        self.crop
+    }
+
+    /// Counts of all threads.
+    #[must_use]
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Sums per path class and strategy (empty unless asked for).
+    #[must_use]
+    pub fn table(&self) -> &ClassTable {
+        &self.table
+    }
+
+    /// Estimated relative error of the image: root mean square of the standard error of Y over the mean of Y, from the two
+    /// independent halves of the passes. `None` before both halves have a pass or while the image is black.
+    #[must_use]
+    pub fn relative_error(&self) -> Option<f64> {
+        let [even, odd] = self.pass_counts();
+        let errors = self.outputs.image.standard_error(1, even, odd)?;
+        let image = self.outputs.image.image(even + odd);
+        let mean = image.iter().skip(1).step_by(3).sum::<f64>() / errors.len() as f64;
+        let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
+        (mean > 0.0).then(|| square.sqrt() / mean)
+    }
+}
+
+/// The tiles of a film, in reading order.
+fn tiles(crop: &Crop) -> Vec<Crop> {
+    let mut out = Vec::new();
+    for y0 in (crop.y0..crop.y1).step_by(TILE as usize) {
+        for x0 in (crop.x0..crop.x1).step_by(TILE as usize) {
+            out.push(Crop { x0, y0, x1: (x0 + TILE).min(crop.x1), y1: (y0 + TILE).min(crop.y1) });
+        }
+    }
+    out
+}
+
+fn render_pixel(
+    frame: &Frame,
+    pass: &PassSettings,
+    outputs: &Outputs,
+    (x, y): (u32, u32),
+    half: usize,
+    local: &mut Local,
+) {
+    let Local { workspace, values, table } = local;
+    let wavelengths = sample_pixel(frame, pass, (x, y), &outputs.response, workspace);
+    // splats one by one, the pixel's own contributions as one sum
+    let mut own = [0.0; 3];
+    for contribution in &workspace.contributions {
+        match contribution.target {
+            Target::OwnPixel => outputs.response.add(&wavelengths, &contribution.lanes, &mut own),
+            Target::Splat(raster) => {
+                let mut xyz = [0.0; 3];
+                outputs.response.add(&wavelengths, &contribution.lanes, &mut xyz);
+                outputs.image.add_splat(raster, half, &xyz);
+            }
+        }
+        if frame.with_raw {
+            table.add(contribution, &outputs.response, &wavelengths);
+        }
+    }
+    outputs.image.add_pixel(x, y, half, &own);
+    outputs.add_extras(&workspace.contributions, &wavelengths, (x, y), half, values);
+}

@@ -25,6 +25,8 @@ pub struct Sampler {
     /// Index within the low-discrepancy sequence, and the key of its scrambling (the same for all indices of a pixel).
     index: u32,
     scramble: u64,
+    /// Even or odd pass.
+    half: u32,
 }
 
 /// Sets of a stream that come from the low-discrepancy sequence; later ones are independent.
@@ -41,7 +43,20 @@ impl Sampler {
         let epoch = u64::from(index >> 16);
         let pixel_key = combine(combine(seed, u64::from(sensor)), pixel);
         let scramble = combine(pixel_key, (epoch << 1) | half);
-        Self { key: combine(pixel_key, u64::from(pass) | 1 << 40), index: index & 0xffff, scramble }
+        Self { key: combine(pixel_key, u64::from(pass) | 1 << 40), index: index & 0xffff, scramble, half: pass & 1 }
+    }
+
+    /// The primary wavelength number of pixel `(x, y)`, stratified over passes (one low-discrepancy sequence for all pixels) and over
+    /// neighboring pixels (each rotates it by a plane lattice of the plastic number).
+    #[must_use]
+    pub fn wavelength(&self, (x, y): (u32, u32), seed: u64) -> f64 {
+        // the same for all pixels, but not for the two halves of the passes
+        let common = combine(combine(seed, 0x5741_5645), u64::from(self.half));
+        let sequence = f64::from(sobol_burley::sample(self.index, 0, common as u32));
+        let rotation = f64::from(x) * 0.754_877_666_246_692_8 + f64::from(y) * 0.569_840_290_998_053_3;
+        // the hash fills the bits that the sequence leaves
+        let fine = unit_f64(random_bits(self.key, u64::MAX)) * (1.0 / 65_536.0);
+        (sequence + rotation + fine + unit_f64(random_bits(common, 1))).fract()
     }
 
     /// The numbers of one stream, from its start.

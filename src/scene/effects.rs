@@ -1,5 +1,8 @@
 //! Which effects a scene calls for, and which of its elements does.
 
+use super::Scene;
+use crate::light::Light;
+
 /// One effect, on or off, with its reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Effect {
@@ -9,4 +12,61 @@ pub struct Effect {
     pub on: bool,
     /// The element that called for it, or why none did.
     pub reason: String,
+}
+
+fn effect(name: &'static str, found: Option<String>, none: &str) -> Effect {
+    Effect { name, on: found.is_some(), reason: found.unwrap_or_else(|| none.to_owned()) }
+}
+
+/// All effects of a scene.
+#[must_use]
+pub fn find_effects(scene: &Scene) -> Vec<Effect> {
+    let dispersive = scene.media.iter().find(|m| m.ior.is_dispersive());
+    let absorbing =
+        scene.media.iter().find(|m| m.absorption.is_some() || (m.use_k && m.ior.is_absorbing()));
+    let specular =
+        scene.objects.iter().find(|o| scene.materials[o.material.0 as usize].has_specular());
+    let moving = scene.accel.instances().iter().position(|i| i.transform.is_moving());
+    let lines = scene.lights.iter().position(|l| !l.emission().lines.is_empty());
+    let hidden: Vec<&str> = scene
+        .lights
+        .iter()
+        .zip(&scene.light_names)
+        .filter(|(l, _)| l.is_delta() && !matches!(l, Light::Area(_)))
+        .map(|(_, name)| name.as_str())
+        .collect();
+    vec![
+        effect(
+            "dispersion",
+            dispersive.map(|m| format!("medium \"{}\" has an index that varies with wavelength", m.name)),
+            "no medium has an index that varies with wavelength",
+        ),
+        effect(
+            "absorption",
+            absorbing.map(|m| format!("medium \"{}\" absorbs", m.name)),
+            "no medium absorbs",
+        ),
+        effect(
+            "specular",
+            specular.map(|o| format!("object \"{}\" has a mirror or smooth glass", o.name)),
+            "no surface is a mirror or smooth glass",
+        ),
+        effect(
+            "motion",
+            moving.map(|i| format!("object \"{}\" moves", scene.objects[i].name)),
+            "nothing moves",
+        ),
+        effect(
+            "lines",
+            lines.map(|i| format!("light \"{}\" has emission lines", scene.light_names[i])),
+            "no light has emission lines",
+        ),
+        effect(
+            "delta lights",
+            (!hidden.is_empty()).then(|| {
+                format!("camera paths cannot hit {}", hidden.join(", "))
+            }),
+            "every light can be hit by camera paths",
+        ),
+    ]
 }

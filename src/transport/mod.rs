@@ -1,1 +1,22 @@
-//! placeholder
+//! The path core: one walk, one connection, one weight, shared by every integrator.
+//!
+//! Read in this order: [`density`] (what a vertex knows of its densities), [`mis`] (the terms of all strategies of a path), [`walk`]
+//! (sub-paths), [`connect`] (joining them). `README.md` beside this file lists the rules that only appear when effects combine.
+
+pub mod class;
+pub mod connect;
+pub mod context;
+pub mod contribution;
+pub mod density;
+pub mod mis;
+pub mod subpath;
+pub mod techniques;
+pub mod throughput;
+pub mod walk;
+
+pub use context::{Counters, PassSettings, PathContext};
+pub use contribution::{Contribution, Target};
+pub use density::{Edge, PathView, VertexDensity};
+pub use subpath::Subpath;
+pub use techniques::Techniques;
+pub use throughput::Throughput;

@@ -1,0 +1,58 @@
+//! First-hit images: depth, normal and albedo through each pixel's centre.
+
+use crate::bsdf::Interface;
+use crate::film::Crop;
+use crate::geometry::Ray;
+use crate::scene::Scene;
+use crate::spectrum::{MAX_LANES, xyz};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+/// First hit of one pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Guide {
+    /// Distance from the camera in metres; 0 where nothing is hit.
+    pub depth: f64,
+    /// Unit shading normal, in world space.
+    pub normal: DVec3,
+    /// XYZ of the reflectance (equal-energy illuminant).
+    pub albedo: [f64; 3],
+}
+
+/// First hits over a crop, row by row.
+#[must_use]
+pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
+    // enough wavelengths for a colour
+    let wavelengths: Vec<_> =
+        (0..8).map(|i| scene.wavelengths.sample((f64::from(i) + 0.5) / 64.0, MAX_LANES)).collect();
+    (crop.y0..crop.y1)
+        .into_par_iter()
+        .flat_map_iter(|y| (crop.x0..crop.x1).map(move |x| (x, y)))
+        .map(|(x, y)| {
+            let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let start = scene.sensors[sensor].camera.sample_ray(raster, DVec2::splat(0.5), 0.0);
+            let ray = Ray::leaving(start.xk.p, start.direction, 0.0, start.xk.surface);
+            let visible = |id: crate::geometry::InstanceId| scene.objects[id.0 as usize].sensor.is_none();
+            let Some(hit) = scene.accel.closest(&ray, visible) else { return Guide::default() };
+            let point = scene.accel.surface(&ray, &hit);
+            let material = &scene.materials[scene.objects[hit.id.instance.0 as usize].material.0 as usize];
+            let mut albedo = [0.0; 3];
+            for lanes in &wavelengths {
+                let interface = Interface {
+                    eta_above: [1.0; MAX_LANES],
+                    eta_below: [1.5; MAX_LANES],
+                    count: lanes.count(),
+                    dispersive: false,
+                };
+                let colour = material.bsdf(&point, lanes, &interface).albedo();
+                for j in 0..lanes.count() {
+                    let share = f64::from(colour[j]) / lanes.pdf(j) / (lanes.count() * wavelengths.len()) as f64;
+                    for (sum, cmf) in albedo.iter_mut().zip(xyz::cmf(lanes.lambda_nm(j))) {
+                        *sum += share * cmf / xyz::Y_INTEGRAL_NM;
+                    }
+                }
+            }
+            Guide { depth: hit.t, normal: point.ns, albedo }
+        })
+        .collect()
+}

@@ -1,0 +1,126 @@
+//! Which images are kept besides XYZ: spectral bins, one image per strategy, one per path class.
+
+use crate::film::{Crop, Film, Filter, SensorResponse};
+use crate::spectrum::SampledWavelengths;
+use crate::transport::{Contribution, Target};
+use regex::Regex;
+use std::collections::BTreeMap;
+use std::sync::{PoisonError, RwLock};
+
+/// What a render is asked to keep.
+#[derive(Clone, Debug)]
+pub struct OutputRequest {
+    /// Response of the main image (XYZ, relative or photometric).
+    pub response: SensorResponse,
+    /// Response of the spectral image, if one is kept.
+    pub spectral: Option<SensorResponse>,
+    /// Keep one image per strategy.
+    pub strategies: bool,
+    /// Keep one image per class expression, matched against the whole label string (`LSDE`).
+    pub classes: Vec<Regex>,
+    /// Keep the table of classes and strategies.
+    pub class_table: bool,
+}
+
+impl Default for OutputRequest {
+    fn default() -> Self {
+        Self {
+            response: SensorResponse::Xyz,
+            spectral: None,
+            strategies: false,
+            classes: Vec::new(),
+            class_table: false,
+        }
+    }
+}
+
+/// The images a render keeps.
+#[derive(Debug)]
+pub struct Outputs {
+    /// Response of the main image.
+    pub response: SensorResponse,
+    /// XYZ.
+    pub image: Film,
+    /// Spectral bins and lines.
+    pub spectral: Option<(SensorResponse, Film)>,
+    /// XYZ per strategy (s, t), as they are met.
+    pub strategies: Option<RwLock<BTreeMap<(u32, u32), Film>>>,
+    /// XYZ per class expression.
+    pub classes: Vec<(Regex, Film)>,
+    crop: Crop,
+    filter: Filter,
+}
+
+impl Outputs {
+    /// Empty images.
+    #[must_use]
+    pub fn new(request: &OutputRequest, crop: Crop, filter: Filter) -> Self {
+        let film = |channels| Film::new(crop, filter.clone(), channels);
+        Self {
+            response: request.response.clone(),
+            image: film(3),
+            spectral: request.spectral.clone().map(|r| (r.clone(), film(r.channels()))),
+            strategies: request.strategies.then(RwLock::default),
+            classes: request.classes.iter().map(|r| (r.clone(), film(3))).collect(),
+            crop,
+            filter,
+        }
+    }
+
+    /// Adds a sample's contributions to everything but the main image.
+    pub fn add_extras(
+        &self,
+        contributions: &[Contribution],
+        wavelengths: &SampledWavelengths,
+        pixel: (u32, u32),
+        half: usize,
+        values: &mut Vec<f64>,
+    ) {
+        if self.spectral.is_none() && self.strategies.is_none() && self.classes.is_empty() {
+            return;
+        }
+        for contribution in contributions {
+            if let Some((response, film)) = &self.spectral {
+                values.clear();
+                values.resize(response.channels(), 0.0);
+                response.add(wavelengths, &contribution.lanes, values);
+                add(film, contribution.target, pixel, half, values);
+            }
+            if self.strategies.is_none() && self.classes.is_empty() {
+                continue;
+            }
+            let mut xyz = [0.0; 3];
+            self.response.add(wavelengths, &contribution.lanes, &mut xyz);
+            self.add_strategy(contribution, pixel, half, &xyz);
+            if !self.classes.is_empty() {
+                let class = contribution.class.to_string();
+                for (_, film) in self.classes.iter().filter(|(regex, _)| regex.is_match(&class)) {
+                    add(film, contribution.target, pixel, half, &xyz);
+                }
+            }
+        }
+    }
+
+    fn add_strategy(&self, contribution: &Contribution, pixel: (u32, u32), half: usize, xyz: &[f64; 3]) {
+        let Some(strategies) = &self.strategies else { return };
+        let key = (contribution.s, contribution.t);
+        {
+            // a poisoned lock means another thread is already unwinding; the sums stay consistent
+            let films = strategies.read().unwrap_or_else(PoisonError::into_inner);
+            if let Some(film) = films.get(&key) {
+                add(film, contribution.target, pixel, half, xyz);
+                return;
+            }
+        }
+        let mut films = strategies.write().unwrap_or_else(PoisonError::into_inner);
+        let film = films.entry(key).or_insert_with(|| Film::new(self.crop, self.filter.clone(), 3));
+        add(film, contribution.target, pixel, half, xyz);
+    }
+}
+
+fn add(film: &Film, target: Target, (x, y): (u32, u32), half: usize, values: &[f64]) {
+    match target {
+        Target::OwnPixel => film.add_pixel(x, y, half, values),
+        Target::Splat(raster) => film.add_splat(raster, half, values),
+    }
+}

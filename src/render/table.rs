@@ -1,0 +1,67 @@
+//! Class × strategy: hits, raw mean and weighted mean, the instrument for finding what a method misses.
+//!
+//! The raw mean is what the strategy alone would estimate for the class; all strategies that can make a class agree on it.
+
+use crate::film::SensorResponse;
+use crate::spectrum::SampledWavelengths;
+use crate::transport::Contribution;
+use crate::transport::class::PathClass;
+use std::collections::BTreeMap;
+
+/// Sums of one class by one strategy.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Row {
+    /// Non-zero contributions.
+    pub hits: u64,
+    /// Sum of raw (unweighted) values of Y.
+    pub raw: f64,
+    /// Sum of squares of raw values.
+    pub raw_squares: f64,
+    /// Sum of weighted values of Y.
+    pub weighted: f64,
+}
+
+/// Rows by class and strategy (s, t).
+#[derive(Clone, Debug, Default)]
+pub struct ClassTable {
+    rows: BTreeMap<(PathClass, u32, u32), Row>,
+}
+
+impl ClassTable {
+    /// Adds a contribution, as it counts for the sum over all pixels.
+    pub fn add(&mut self, contribution: &Contribution, response: &SensorResponse, wavelengths: &SampledWavelengths) {
+        let y = |lanes: &[f64]| {
+            let mut xyz = [0.0; 3];
+            response.add(wavelengths, lanes, &mut xyz);
+            xyz[1]
+        };
+        let row = self.rows.entry((contribution.class, contribution.s, contribution.t)).or_default();
+        let raw = y(&contribution.raw);
+        row.hits += 1;
+        row.raw += raw;
+        row.raw_squares += raw * raw;
+        row.weighted += y(&contribution.lanes);
+    }
+
+    /// Adds another table.
+    pub fn merge(&mut self, other: Self) {
+        for (key, theirs) in other.rows {
+            let ours = self.rows.entry(key).or_default();
+            ours.hits += theirs.hits;
+            ours.raw += theirs.raw;
+            ours.raw_squares += theirs.raw_squares;
+            ours.weighted += theirs.weighted;
+        }
+    }
+
+    /// All rows, sorted by class, then strategy.
+    pub fn rows(&self) -> impl Iterator<Item = (&(PathClass, u32, u32), &Row)> {
+        self.rows.iter()
+    }
+
+    /// Whether nothing was counted.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+}

@@ -1,0 +1,207 @@
+//! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends of paths.
+
+use super::description::{SceneDescription, WavelengthChoice};
+use super::effects::find_effects;
+use super::probe::stack_at;
+use super::{Object, Scene, Sensor};
+use crate::camera::Camera;
+use crate::geometry::{Accel, Instance, InstanceId, Shape};
+use crate::light::area::AreaLight;
+use crate::light::selection::LightSelection;
+use crate::light::{Light, LightContext, LightId};
+use crate::material::{Material, MaterialId};
+use crate::medium::{Boundary, MediumId, MediumStack};
+use crate::spectrum::{Emission, WavelengthDistribution};
+use glam::{DVec2, DVec3};
+
+/// Why a description is no scene.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum BuildError {
+    /// Nothing emits.
+    #[error("the scene has no light that emits anything in the working range of wavelengths")]
+    NoLight,
+    /// Rays disagree about the medium around a light or sensor.
+    #[error("cannot tell which medium {what} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it)")]
+    UnclearMedium {
+        /// "light" or "sensor".
+        what: &'static str,
+        /// Its name.
+        name: String,
+    },
+    /// More instances than ids.
+    #[error("the scene has more than {0} surfaces")]
+    TooManyInstances(u32),
+}
+
+/// Points of a surface at which the medium around it is checked.
+const PROBES: [[f64; 3]; 5] =
+    [[0.5, 0.5, 0.5], [0.1, 0.07, 0.09], [0.9, 0.93, 0.06], [0.3, 0.08, 0.94], [0.7, 0.92, 0.91]];
+
+impl Scene {
+    /// Builds a scene.
+    ///
+    /// # Errors
+    /// Where the parts are valid by themselves but do not make a scene.
+    pub fn build(description: SceneDescription) -> Result<Self, BuildError> {
+        let SceneDescription { media, mut materials, objects: described, lights: free_lights, sensors, wavelengths, ambient, hash } =
+            description;
+        let black = MaterialId(materials.len() as u32);
+        materials.push(Material::default());
+
+        let mut instances = Vec::with_capacity(described.len());
+        let mut objects = Vec::with_capacity(described.len());
+        let mut lights = Vec::new();
+        let mut light_names = Vec::new();
+        if described.len() + sensors.len() >= u32::MAX as usize {
+            return Err(BuildError::TooManyInstances(u32::MAX));
+        }
+        for object in described {
+            let id = InstanceId(instances.len() as u32);
+            let instance = Instance::new(object.shape, object.transform);
+            let light = object.emission.map(|emission| {
+                let light = LightId(lights.len() as u32);
+                lights.push(Light::Area(AreaLight::new(id, &instance, emission.radiance, emission.two_sided)));
+                light_names.push(object.name.clone());
+                light
+            });
+            instances.push(instance);
+            objects.push(Object {
+                clear: materials[object.material.0 as usize].is_clear_interface() && light.is_none(),
+                name: object.name,
+                material: object.material,
+                boundary: object.boundary,
+                light,
+                sensor: None,
+                transparent_sensor: false,
+            });
+        }
+        for free in free_lights {
+            lights.push(free.light);
+            light_names.push(free.name);
+        }
+        let mut placed = Vec::with_capacity(sensors.len());
+        for (index, mut sensor) in sensors.into_iter().enumerate() {
+            if let Camera::Detector(detector) = &mut sensor.camera {
+                detector.instance = Some(InstanceId(instances.len() as u32));
+                instances.push(Instance::new(Shape::Quad, detector.transform.clone()));
+                objects.push(Object {
+                    name: sensor.name.clone(),
+                    material: black,
+                    boundary: Boundary::None,
+                    light: None,
+                    sensor: Some(index),
+                    transparent_sensor: detector.transparent,
+                    clear: false,
+                });
+            }
+            placed.push(Sensor {
+                name: sensor.name,
+                camera: sensor.camera,
+                filter: sensor.filter,
+                stack: MediumStack::new(ambient),
+            });
+        }
+
+        let accel = Accel::build(instances);
+        let (center, radius) = bounding_sphere(&accel);
+        let context = LightContext { accel: &accel, center, radius, time: 0.0 };
+        let powers: Vec<f64> = lights.iter().map(|l| l.power(&context)).collect();
+        if !powers.iter().any(|&p| p > 0.0) {
+            return Err(BuildError::NoLight);
+        }
+        let emitters: Vec<(&Emission, f64)> =
+            lights.iter().map(Light::emission).zip(powers.iter().copied()).collect();
+        let [low, high] = wavelengths.range_nm;
+        let distribution = match &wavelengths.choice {
+            WavelengthChoice::Scene => WavelengthDistribution::scene(&emitters, [low, high]),
+            WavelengthChoice::Uniform => WavelengthDistribution::uniform_with_lines(&emitters, [low, high]),
+            WavelengthChoice::Visible => WavelengthDistribution::visible_with_lines(&emitters, [low, high]),
+            WavelengthChoice::Lines(lines) => WavelengthDistribution::lines(lines),
+        };
+
+        let mut light_stacks = Vec::with_capacity(lights.len());
+        for (light, name) in lights.iter().zip(&light_names) {
+            let stack = light_stack(&accel, &objects, &context, light, ambient);
+            light_stacks
+                .push(stack.ok_or_else(|| BuildError::UnclearMedium { what: "light", name: name.clone() })?);
+        }
+        for sensor in &mut placed {
+            sensor.stack = sensor_stack(&accel, &objects, &sensor.camera, ambient)
+                .ok_or_else(|| BuildError::UnclearMedium { what: "sensor", name: sensor.name.clone() })?;
+        }
+        let environments = (0..lights.len())
+            .filter(|&i| matches!(lights[i], Light::Environment(_)))
+            .map(|i| LightId(i as u32))
+            .collect();
+        let mut scene = Self {
+            selection: LightSelection::new(&powers),
+            accel,
+            objects,
+            materials,
+            media,
+            lights,
+            light_names,
+            light_stacks,
+            environments,
+            sensors: placed,
+            wavelengths: distribution,
+            center,
+            radius,
+            effects: Vec::new(),
+            hash,
+        };
+        scene.effects = find_effects(&scene);
+        Ok(scene)
+    }
+}
+
+/// The sphere around the geometry's box; of radius 1 about the origin without geometry.
+fn bounding_sphere(accel: &Accel) -> (DVec3, f64) {
+    accel.bounds().map_or((DVec3::ZERO, 1.0), |(low, high)| {
+        let radius = (high - low).length() * 0.5;
+        ((low + high) * 0.5, if radius > 0.0 { radius } else { 1.0 })
+    })
+}
+
+fn light_stack(
+    accel: &Accel,
+    objects: &[Object],
+    context: &LightContext,
+    light: &Light,
+    ambient: MediumId,
+) -> Option<MediumStack> {
+    match light {
+        Light::Area(area) => {
+            let mut found: Option<MediumStack> = None;
+            for [u, v, w] in PROBES {
+                let point = area.sample_point(context, u, DVec2::new(v, w)).point;
+                let stack = stack_at(accel, objects, point.p, point.ng, Some(point.id), ambient)?;
+                if found.as_ref().is_some_and(|first| *first != stack) {
+                    return None;
+                }
+                found = Some(stack);
+            }
+            found
+        }
+        Light::Point(_) | Light::Spot(_) | Light::Beam(_) => {
+            let p = light.position(context.time)?;
+            stack_at(accel, objects, p, DVec3::ZERO, None, ambient)
+        }
+        Light::Directional(_) | Light::Environment(_) => Some(MediumStack::new(ambient)),
+    }
+}
+
+fn sensor_stack(accel: &Accel, objects: &[Object], camera: &Camera, ambient: MediumId) -> Option<MediumStack> {
+    let resolution = camera.resolution();
+    let size = DVec2::new(f64::from(resolution.width), f64::from(resolution.height));
+    let mut found: Option<MediumStack> = None;
+    for [u, v, _] in PROBES {
+        let sample = camera.sample_ray(DVec2::new(u, v) * size, DVec2::new(v, u), 0.0);
+        let stack = stack_at(accel, objects, sample.xk.p, sample.xk.n, sample.xk.surface, ambient)?;
+        if found.as_ref().is_some_and(|first| *first != stack) {
+            return None;
+        }
+        found = Some(stack);
+    }
+    found
+}

@@ -1,0 +1,148 @@
+//! What all paths of a pass share, what one path pair shares, and what is counted on the way.
+
+use crate::geometry::{InstanceId, Ray};
+use crate::light::LightContext;
+use crate::medium::{MediumId, MediumLanes, Region};
+use crate::scene::Scene;
+use crate::spectrum::{MAX_LANES, SampledSpectrum, SampledWavelengths};
+
+/// The cone that stands in for a specular delta at connections.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    /// Half-aperture in radians, measured in the denser medium.
+    pub epsilon: f64,
+}
+
+/// Wavelength and time that all paths of a pass share (merging needs both sub-paths to agree).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SharedSample {
+    /// Primary wavelength number in [0, 1).
+    pub u_wavelength: f64,
+    /// Fraction of the shutter.
+    pub time: f64,
+}
+
+/// What all paths of a pass share.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PassSettings {
+    /// Global pass index.
+    pub index: u32,
+    /// Regularization of specular vertices at connections; `None`: they are not connectible.
+    pub cone: Option<Cone>,
+    /// Radius of photon merging in metres; `None`: no merging.
+    pub merge_radius: Option<f64>,
+    /// Wavelength and time for all paths; `None`: each path pair draws its own.
+    pub shared: Option<SharedSample>,
+    /// Weighted contributions below this much of Y meet Russian roulette before their shadow ray; 0: none do.
+    pub roulette_threshold: f64,
+}
+
+/// Counters of a render, kept per thread and added up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Rays that look for the closest hit.
+    pub closest_rays: u64,
+    /// Rays that look for any hit.
+    pub shadow_rays: u64,
+    /// Path pairs.
+    pub paths: u64,
+    /// Connections whose kernels were evaluated.
+    pub connections_tried: u64,
+    /// Connections that contributed.
+    pub connections_made: u64,
+    /// Contributions dropped because they were not finite.
+    pub non_finite: u64,
+    /// Surfaces met from a side on which the walk was not: a solid left that was never entered, an interface whose named medium is
+    /// not the one around.
+    pub medium_mismatches: u64,
+    /// Sub-paths cut because more solids were nested than a stack holds.
+    pub nesting_overflows: u64,
+}
+
+impl Counters {
+    /// Adds another thread's counts.
+    pub fn add(&mut self, other: &Self) {
+        self.closest_rays += other.closest_rays;
+        self.shadow_rays += other.shadow_rays;
+        self.paths += other.paths;
+        self.connections_tried += other.connections_tried;
+        self.connections_made += other.connections_made;
+        self.non_finite += other.non_finite;
+        self.medium_mismatches += other.medium_mismatches;
+        self.nesting_overflows += other.nesting_overflows;
+    }
+}
+
+/// What one path pair shares.
+#[derive(Debug)]
+pub struct PathContext<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The sensor, by index.
+    pub sensor: usize,
+    /// The pass.
+    pub pass: &'a PassSettings,
+    /// Its wavelengths.
+    pub wavelengths: SampledWavelengths,
+    /// Every medium of the scene at these wavelengths.
+    pub media: &'a [MediumLanes],
+    /// Its moment, as a fraction of the shutter.
+    pub time: f64,
+    /// What each lane counts for where contributions are compared (mean of the sensor's channels per unit of `C_j`).
+    pub response: [f64; MAX_LANES],
+}
+
+impl PathContext<'_> {
+    /// One number for a contribution: the mean of the sensor's channels.
+    #[must_use]
+    pub fn brightness(&self, lanes: &[f64; MAX_LANES]) -> f64 {
+        lanes.iter().zip(&self.response).map(|(value, response)| value * response).sum()
+    }
+
+    /// Lanes in use.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.wavelengths.count()
+    }
+
+    /// What lights need to know.
+    #[must_use]
+    pub fn light_context(&self) -> LightContext<'_> {
+        self.scene.light_context(self.time)
+    }
+
+    /// A medium at the path's wavelengths.
+    #[must_use]
+    pub fn medium(&self, id: MediumId) -> &MediumLanes {
+        &self.media[id.0 as usize]
+    }
+
+    /// η² of a medium, per lane.
+    #[must_use]
+    pub fn eta_squared(&self, id: MediumId) -> SampledSpectrum {
+        let eta = &self.medium(id).eta;
+        SampledSpectrum::from_fn(|j| (eta[j] * eta[j]) as f32)
+    }
+
+    /// Whether nothing stands in the way of a segment that lies in `region`.
+    #[must_use]
+    pub fn is_visible(&self, ray: &Ray, region: &Region, counters: &mut Counters) -> bool {
+        counters.shadow_rays += 1;
+        let objects = &self.scene.objects;
+        !self.scene.accel.occluded(ray, |id: InstanceId| {
+            let object = &objects[id.0 as usize];
+            !(object.transparent_sensor || object.clear && region.passes(object.boundary, id))
+        })
+    }
+
+    /// The lanes that stay alive when the hero's direction was taken through a dispersive interface: those of exactly its
+    /// wavelength.
+    #[must_use]
+    pub fn hero_lanes(&self) -> SampledSpectrum {
+        let hero = self.wavelengths.lambda_nm(0);
+        let n = self.count();
+        SampledSpectrum::from_fn(|j| {
+            if j < n && self.wavelengths.lambda_nm(j) == hero { 1.0 } else { 0.0 }
+        })
+    }
+}

@@ -1,0 +1,31 @@
+//! What a path gives.
+
+use super::class::PathClass;
+use crate::spectrum::MAX_LANES;
+use glam::DVec2;
+
+/// Where a contribution lands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// The pixel whose camera sub-path this is.
+    OwnPixel,
+    /// A raster position.
+    Splat(DVec2),
+}
+
+/// One weighted contribution to a pixel's value.
+#[derive(Clone, Copy, Debug)]
+pub struct Contribution {
+    /// Where it lands.
+    pub target: Target,
+    /// `C_j` per lane: to be multiplied by the response at λ_j over the density of λ_j and summed.
+    pub lanes: [f64; MAX_LANES],
+    /// The same had its strategy been the only one: the raw estimate.
+    pub raw: [f64; MAX_LANES],
+    /// Vertices from the light.
+    pub s: u32,
+    /// Vertices from the sensor.
+    pub t: u32,
+    /// What happened at each vertex.
+    pub class: PathClass,
+}

@@ -1,0 +1,263 @@
+//! Densities of the vertices of a path, as every strategy needs them.
+//!
+//! A path x₀ … x_{n−1} runs from the light to the sensor. `pf_i` is the density of x_i when it is generated from the light side,
+//! `pr_i` when it is generated from the sensor side. The 1/A of specular vertices is left out of both (their label probability q
+//! stands alone), so every density is a finite number and deltas need no flags.
+
+use crate::bsdf::Label;
+use crate::spectrum::MAX_LANES;
+
+/// Per-lane densities of one vertex.
+pub type Column = [f64; MAX_LANES];
+
+/// Marks the absence of a column.
+pub const NO_COLUMN: u32 = u32::MAX;
+
+/// What the weights need of one vertex of a sub-path.
+#[derive(Clone, Copy, Debug)]
+pub struct VertexDensity {
+    /// Hero's density of this vertex as it was generated, from its own side.
+    pub own: f64,
+    /// Hero's density had it been generated from the opposite side. Known once two further vertices exist.
+    pub other: f64,
+    /// Index of the per-lane version of `own` in the sub-path's columns, or [`NO_COLUMN`] where all lanes agree.
+    pub own_column: u32,
+    /// The same for `other`.
+    pub other_column: u32,
+    /// What was drawn here (end points: non-specular).
+    pub label: Label,
+    /// A specular transmission whose direction depends on wavelength.
+    pub dispersive: bool,
+}
+
+impl VertexDensity {
+    /// A vertex of known own density, nothing else known yet.
+    #[must_use]
+    pub fn new(own: f64) -> Self {
+        Self {
+            own,
+            other: 0.0,
+            own_column: NO_COLUMN,
+            other_column: NO_COLUMN,
+            label: Label::NonSpecular,
+            dispersive: false,
+        }
+    }
+}
+
+/// A density with its per-lane version where lanes differ.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct EdgeDensity {
+    /// Hero's.
+    pub hero: f64,
+    /// Every lane's.
+    pub lanes: Option<Column>,
+}
+
+impl EdgeDensity {
+    /// The same for all lanes.
+    #[must_use]
+    pub fn uniform(hero: f64) -> Self {
+        Self { hero, lanes: None }
+    }
+
+    /// Times a geometric factor.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { hero: self.hero * factor, lanes: self.lanes.map(|l| l.map(|v| v * factor)) }
+    }
+}
+
+/// The four densities that exist only once two sub-paths are joined, and the labels of the joined vertices.
+#[derive(Clone, Copy, Debug)]
+pub struct Edge {
+    /// `pr_{s−1}`: the last light vertex generated from the sensor side.
+    pub light_end: EdgeDensity,
+    /// `pr_{s−2}`.
+    pub light_before: EdgeDensity,
+    /// `pf_s`: the last camera vertex generated from the light side.
+    pub camera_end: EdgeDensity,
+    /// `pf_{s+1}`.
+    pub camera_before: EdgeDensity,
+    /// Label of x_{s−1} on this path.
+    pub light_label: Label,
+    /// Label of x_s on this path.
+    pub camera_label: Label,
+    /// x_{s−1} is a regularized transmission whose direction depends on wavelength.
+    pub light_dispersive: bool,
+    /// The same for x_s.
+    pub camera_dispersive: bool,
+}
+
+impl Default for Edge {
+    fn default() -> Self {
+        Self {
+            light_end: EdgeDensity::default(),
+            light_before: EdgeDensity::default(),
+            camera_end: EdgeDensity::default(),
+            camera_before: EdgeDensity::default(),
+            light_label: Label::NonSpecular,
+            camera_label: Label::NonSpecular,
+            light_dispersive: false,
+            camera_dispersive: false,
+        }
+    }
+}
+
+/// A full path as the strategy that made it sees it: two sub-paths and the edge between them.
+#[derive(Clone, Copy, Debug)]
+pub struct PathView<'a> {
+    /// x₀ … x_{s−1}, in this order. `own` = pf, `other` = pr.
+    pub light: &'a [VertexDensity],
+    /// x_{n−1} … x_s, in this order. `own` = pr, `other` = pf.
+    pub camera: &'a [VertexDensity],
+    /// Columns of the light sub-path.
+    pub light_columns: &'a [Column],
+    /// Columns of the camera sub-path.
+    pub camera_columns: &'a [Column],
+    /// What joining adds.
+    pub edge: Edge,
+    /// Density of x₀ under the direct sampling of strategy s = 1.
+    pub direct: f64,
+}
+
+impl PathView<'_> {
+    /// Vertices from the light.
+    #[must_use]
+    pub fn s(&self) -> usize {
+        self.light.len()
+    }
+
+    /// All vertices.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.light.len() + self.camera.len()
+    }
+
+    /// Whether there is no vertex at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Hero's `pf_i`.
+    #[must_use]
+    pub fn pf(&self, i: usize) -> f64 {
+        let s = self.s();
+        if i < s {
+            return self.light[i].own;
+        }
+        match i - s {
+            0 => self.edge.camera_end.hero,
+            1 => self.edge.camera_before.hero,
+            _ => self.camera[self.len() - 1 - i].other,
+        }
+    }
+
+    /// Hero's `pr_i`.
+    #[must_use]
+    pub fn pr(&self, i: usize) -> f64 {
+        let s = self.s();
+        if i >= s {
+            return self.camera[self.len() - 1 - i].own;
+        }
+        match s - 1 - i {
+            0 => self.edge.light_end.hero,
+            1 => self.edge.light_before.hero,
+            _ => self.light[i].other,
+        }
+    }
+
+    /// Lane `k`'s `pf_i`.
+    #[must_use]
+    pub fn pf_lane(&self, i: usize, k: usize) -> f64 {
+        let s = self.s();
+        let stored = |hero: f64, column: u32, columns: &[Column]| {
+            if column == NO_COLUMN { hero } else { columns[column as usize][k] }
+        };
+        if i < s {
+            let v = &self.light[i];
+            return stored(v.own, v.own_column, self.light_columns);
+        }
+        match i - s {
+            0 => self.edge.camera_end.lane(k),
+            1 => self.edge.camera_before.lane(k),
+            _ => {
+                let v = &self.camera[self.len() - 1 - i];
+                stored(v.other, v.other_column, self.camera_columns)
+            }
+        }
+    }
+
+    /// Lane `k`'s `pr_i`.
+    #[must_use]
+    pub fn pr_lane(&self, i: usize, k: usize) -> f64 {
+        let s = self.s();
+        let stored = |hero: f64, column: u32, columns: &[Column]| {
+            if column == NO_COLUMN { hero } else { columns[column as usize][k] }
+        };
+        if i >= s {
+            let v = &self.camera[self.len() - 1 - i];
+            return stored(v.own, v.own_column, self.camera_columns);
+        }
+        match s - 1 - i {
+            0 => self.edge.light_end.lane(k),
+            1 => self.edge.light_before.lane(k),
+            _ => {
+                let v = &self.light[i];
+                stored(v.other, v.other_column, self.light_columns)
+            }
+        }
+    }
+
+    /// Whether any density of the path differs between lanes.
+    #[must_use]
+    pub fn has_columns(&self) -> bool {
+        let edge = &self.edge;
+        edge.light_end.lanes.is_some()
+            || edge.light_before.lanes.is_some()
+            || edge.camera_end.lanes.is_some()
+            || edge.camera_before.lanes.is_some()
+            || self
+                .light
+                .iter()
+                .chain(self.camera)
+                .any(|v| v.own_column != NO_COLUMN || v.other_column != NO_COLUMN)
+    }
+
+    /// Whether x_i carries a specular label.
+    #[must_use]
+    pub fn is_specular(&self, i: usize) -> bool {
+        let s = self.s();
+        if i + 1 == s {
+            self.edge.light_label.is_specular()
+        } else if i == s {
+            self.edge.camera_label.is_specular()
+        } else if i < s {
+            self.light[i].label.is_specular()
+        } else {
+            self.camera[self.len() - 1 - i].label.is_specular()
+        }
+    }
+
+    /// Whether x_i is dispersive.
+    #[must_use]
+    pub fn is_dispersive(&self, i: usize) -> bool {
+        let s = self.s();
+        if i + 1 == s {
+            self.edge.light_dispersive
+        } else if i == s {
+            self.edge.camera_dispersive
+        } else if i < s {
+            self.light[i].dispersive
+        } else {
+            self.camera[self.len() - 1 - i].dispersive
+        }
+    }
+}
+
+impl EdgeDensity {
+    fn lane(&self, k: usize) -> f64 {
+        self.lanes.map_or(self.hero, |l| l[k])
+    }
+}

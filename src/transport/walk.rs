@@ -1,0 +1,278 @@
+//! The random walk: one function for light and camera sub-paths.
+//!
+//! A camera walk generates ω⁻ at each vertex, a light walk ω⁺. In basic radiance the throughput factor is the same for both, but for
+//! interpolated normals, whose correction always belongs to the light side.
+
+use super::context::{Counters, PathContext};
+use super::density::{EdgeDensity, VertexDensity};
+use super::subpath::{Escape, SensorHit, Subpath, Vertex};
+use super::throughput::Throughput;
+use crate::bsdf::{BsdfSample, Interface, LaneDensity, Side};
+use crate::geometry::{DirectionalDensity, EndPoint, Ray, SurfacePoint};
+use crate::math::frame::Frame;
+use crate::medium::MediumStack;
+use crate::sampler::StreamSampler;
+use glam::DVec3;
+
+/// From how many vertices on a sub-path whose weight does not fall is killed now and then, so that every walk ends.
+const ENDLESS_AFTER: usize = 64;
+/// Survival there.
+const ENDLESS_SURVIVAL: f64 = 0.95;
+/// Vertices at which roulette is not played yet.
+const ROULETTE_AFTER: usize = 2;
+
+/// How a walk begins.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// First ray.
+    pub ray: Ray,
+    /// The solids its origin is in.
+    pub stack: MediumStack,
+    /// Weight along the first ray.
+    pub throughput: Throughput,
+    /// Density of the first direction.
+    pub pdf: DirectionalDensity,
+    /// Length of the first segment does not count (the start lies at infinity).
+    pub infinite: bool,
+}
+
+/// Density of the direction a walk travels in.
+#[derive(Clone, Copy, Debug)]
+enum Travel {
+    Start(DirectionalDensity),
+    Scattered(EdgeDensity),
+}
+
+impl Travel {
+    fn area_density(&self, cos: f64, d2: f64) -> EdgeDensity {
+        match self {
+            Self::Start(pdf) => EdgeDensity::uniform(pdf.area_density(cos, d2)),
+            Self::Scattered(pdf) => pdf.scaled(cos / d2),
+        }
+    }
+
+    fn solid_angle(&self) -> EdgeDensity {
+        match self {
+            Self::Start(DirectionalDensity::SolidAngle(pdf) | DirectionalDensity::Perpendicular(pdf)) => {
+                EdgeDensity::uniform(*pdf)
+            }
+            Self::Scattered(pdf) => *pdf,
+        }
+    }
+}
+
+fn edge_density(hero: f64, lanes: Option<&LaneDensity>) -> EdgeDensity {
+    EdgeDensity { hero, lanes: lanes.map(|l| l.lanes) }
+}
+
+/// Extends `path` (already restarted) by up to `max_vertices` scattering vertices. `generate` is the side its directions lead to:
+/// `Side::Light` for a camera walk. `end_factor` is what turns a density of direction at the first vertex into a density of the start.
+pub fn walk(
+    context: &PathContext,
+    path: &mut Subpath,
+    start: Start,
+    generate: Side,
+    max_vertices: usize,
+    numbers: &mut StreamSampler,
+    counters: &mut Counters,
+    end_factor: impl Fn(&Vertex) -> f64,
+) {
+    let scene = context.scene;
+    let Start { mut ray, mut stack, mut throughput, pdf, infinite } = start;
+    let reference = throughput.max_lane(context.count());
+    let mut travel = Travel::Start(pdf);
+    // distance passed through surfaces that are no vertices
+    let mut passed = 0.0;
+    loop {
+        counters.closest_rays += 1;
+        let Some(hit) = scene.accel.closest(&ray, |_| true) else {
+            path.escape = Some(Escape {
+                direction: ray.d,
+                own: travel.solid_angle(),
+                medium: stack.medium(),
+                throughput,
+            });
+            return;
+        };
+        let object = &scene.objects[hit.id.instance.0 as usize];
+        let point = scene.accel.surface(&ray, &hit);
+        let entering = ray.d.dot(point.ng) < 0.0;
+        let distance = passed + hit.t;
+        let through = |ray: &Ray| Ray::leaving(point.p, ray.d, ray.time, Some(point.id));
+
+        if object.sensor == Some(context.sensor) && generate == Side::Camera {
+            record_sensor_hit(context, path, &point, ray.d, distance, &stack, &travel, infinite, throughput);
+        }
+        if object.sensor.is_some() {
+            if !object.transparent_sensor {
+                return;
+            }
+            ray = through(&ray);
+            passed = distance;
+            continue;
+        }
+        if !stack.agrees(object.boundary, hit.id.instance, entering) {
+            counters.medium_mismatches += 1;
+        }
+        let Some(behind) = stack.crossed(object.boundary, hit.id.instance, entering) else {
+            counters.nesting_overflows += 1;
+            return;
+        };
+        if object.clear && behind.medium() == stack.medium() {
+            ray = through(&ray);
+            passed = distance;
+            stack = behind;
+            continue;
+        }
+        if path.vertices.len() >= max_vertices {
+            return;
+        }
+
+        throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
+        let geometric_cos = ray.d.dot(point.ng).abs();
+        let own = travel.area_density(geometric_cos, distance * distance);
+        let (here, there) = (stack.region(), behind.region());
+        let regions = if entering { [here, there] } else { [there, here] };
+        let (above, below) = (context.medium(regions[0].medium), context.medium(regions[1].medium));
+        let interface = Interface {
+            eta_above: above.eta,
+            eta_below: below.eta,
+            count: context.count(),
+            dispersive: (above.dispersive || below.dispersive) && regions[0].medium != regions[1].medium,
+        };
+        let vertex = Vertex {
+            bsdf: scene.materials[object.material.0 as usize].bsdf(&point, &context.wavelengths, &interface),
+            frame: Frame::from_z(point.ns),
+            regions,
+            toward_previous: -ray.d,
+            distance: if infinite && path.vertices.is_empty() { f64::INFINITY } else { distance },
+            throughput,
+            light: object.light,
+            point,
+        };
+        let mut density = VertexDensity::new(own.hero);
+        density.own_column = path.store_column(&own);
+        path.densities.push(density);
+        path.vertices.push(vertex);
+
+        // An end of the walk leaves its last vertex as an end point of connections.
+        let index = path.vertices.len() - 1;
+        let vertex = &path.vertices[index];
+        if !vertex.sides_agree(vertex.toward_previous) {
+            return;
+        }
+        let numbers = numbers.next4();
+        let Some((sample, w)) = scatter(vertex, generate, &numbers) else {
+            return;
+        };
+        throughput = next_throughput(context, vertex, &sample, w, generate);
+        let reverse = edge_density(sample.pdf_reverse, sample.columns.as_ref().map(|c| &c.1));
+        finish_previous(path, index, &reverse, &end_factor);
+        let density = &mut path.densities[index + 1];
+        density.label = sample.label;
+        density.dispersive = sample.dispersive;
+        let survival = survival(index, throughput.max_lane(context.count()) / reference);
+        if numbers[3] >= survival {
+            return;
+        }
+        throughput = throughput.scaled(1.0 / survival);
+        let vertex = &path.vertices[index];
+        if (w.dot(vertex.point.ng) > 0.0) != (vertex.toward_previous.dot(vertex.point.ng) > 0.0) {
+            stack = behind;
+        }
+        travel = Travel::Scattered(edge_density(sample.pdf, sample.columns.as_ref().map(|c| &c.0)));
+        ray = Ray::leaving(vertex.point.p, w, context.time, Some(vertex.point.id));
+        passed = 0.0;
+    }
+}
+
+/// Draws the next direction. `None` where the walk ends.
+fn scatter(vertex: &Vertex, generate: Side, u: &[f64; 4]) -> Option<(BsdfSample, DVec3)> {
+    let given = vertex.frame.to_local(vertex.toward_previous);
+    let sample = vertex.bsdf.sample(given, generate, [u[0], u[1], u[2]])?;
+    let w = vertex.frame.to_outer(sample.w);
+    vertex.sides_agree(w).then_some((sample, w))
+}
+
+/// Probability of going on after vertex `index` with `weight` relative to the start. It may depend on anything, since the weights
+/// of strategies leave it out on both sides. A weight that is not a number ends the walk.
+fn survival(index: usize, weight: f64) -> f64 {
+    if index < ROULETTE_AFTER {
+        return if weight > 0.0 { 1.0 } else { 0.0 };
+    }
+    let most = if index < ENDLESS_AFTER { 1.0 } else { ENDLESS_SURVIVAL };
+    if weight > 0.0 { weight.min(most) } else { 0.0 }
+}
+
+/// Weight after scattering at `vertex` into `w`, in basic units.
+fn next_throughput(
+    context: &PathContext,
+    vertex: &Vertex,
+    sample: &BsdfSample,
+    w: DVec3,
+    generate: Side,
+) -> Throughput {
+    let mut next = vertex.throughput.times(&sample.weight);
+    if sample.dispersive {
+        next.lanes = next.lanes * context.hero_lanes();
+    }
+    match generate {
+        Side::Light => next,
+        // the correction of the light side's direction, which a light walk arrives from, and the measure of the other
+        Side::Camera => {
+            next.scaled(vertex.light_side_correction(vertex.toward_previous) / vertex.light_side_correction(w))
+        }
+    }
+}
+
+/// Once the direction after vertex `index` is known, the vertex before it has its density from the other side.
+fn finish_previous(
+    path: &mut Subpath,
+    index: usize,
+    reverse: &EdgeDensity,
+    end_factor: &impl Fn(&Vertex) -> f64,
+) {
+    let vertex = &path.vertices[index];
+    let factor = match index.checked_sub(1) {
+        None => end_factor(vertex),
+        Some(previous) => {
+            let normal = path.vertices[previous].point.ng;
+            vertex.toward_previous.dot(normal).abs() / (vertex.distance * vertex.distance)
+        }
+    };
+    let other = reverse.scaled(factor);
+    let column = path.store_column(&other);
+    path.densities[index].other = other.hero;
+    path.densities[index].other_column = column;
+}
+
+/// Notes a light sub-path's arrival at the detector that is being rendered.
+#[allow(clippy::too_many_arguments)]
+fn record_sensor_hit(
+    context: &PathContext,
+    path: &mut Subpath,
+    point: &SurfacePoint,
+    direction: DVec3,
+    distance: f64,
+    stack: &MediumStack,
+    travel: &Travel,
+    infinite: bool,
+    throughput: Throughput,
+) {
+    let sensor = &context.scene.sensors[context.sensor];
+    let Some((raster, importance)) = sensor.camera.arrive(point, -direction, context.time) else {
+        return;
+    };
+    let cos = direction.dot(point.ng).abs();
+    path.sensor_hits.push(SensorHit {
+        depth: path.vertices.len(),
+        xk: EndPoint { p: point.p, n: point.ng, surface: Some(point.id), infinite: false },
+        raster,
+        importance,
+        toward_previous: -direction,
+        distance: if infinite && path.vertices.is_empty() { f64::INFINITY } else { distance },
+        medium: stack.medium(),
+        own: travel.area_density(cos, distance * distance),
+        throughput: throughput.times(&context.medium(stack.medium()).transmittance(distance)),
+    });
+}
