@@ -56,6 +56,48 @@ pub struct Interface {
     pub dispersive: bool,
 }
 
+impl Interface {
+    /// Indices on the side `above` (or not) the normal.
+    pub(crate) fn near(&self, above: bool) -> &[f64; MAX_LANES] {
+        if above {
+            &self.eta_above
+        } else {
+            &self.eta_below
+        }
+    }
+
+    /// Indices on the side `above`, then on the other.
+    pub(crate) fn sides(&self, above: bool) -> (&[f64; MAX_LANES], &[f64; MAX_LANES]) {
+        (self.near(above), self.near(!above))
+    }
+
+    /// `f` of each lane in use, 0 in the others.
+    fn lanes(&self, mut f: impl FnMut(usize) -> f64) -> SampledSpectrum {
+        let mut out = SampledSpectrum::ZERO;
+        for k in 0..self.count {
+            out[k] = f(k) as f32;
+        }
+        out
+    }
+
+    /// Fresnel reflectance at cosine `cos` on the side `above`, averaged over the lanes in use: the probability of
+    /// choosing reflection, the same whichever lane is the hero.
+    fn mean_reflectance(&self, cos: f64, above: bool) -> f64 {
+        let (near, far) = self.sides(above);
+        // without dispersion the ratio of the indices, hence the reflectance, is that of the hero
+        let lanes = if self.dispersive { self.count } else { 1 };
+        let sum: f64 = (0..lanes)
+            .map(|k| fresnel::dielectric(cos, near[k], far[k]))
+            .sum();
+        sum / lanes as f64
+    }
+}
+
+/// `|cos|` of `w` when both directions are strictly on the same side of the surface.
+fn cosine_on_side(w: DVec3, other: DVec3) -> Option<f64> {
+    (w.z * other.z > 0.0).then_some(w.z.abs())
+}
+
 /// A density that may depend on the lane (rough dispersive transmission only; then it is per-lane).
 ///
 /// For everything else all lanes have the hero's density.
@@ -63,6 +105,14 @@ pub struct Interface {
 pub struct LaneDensity {
     /// The density of each lane; [0] is the hero's.
     pub lanes: [f64; MAX_LANES],
+}
+
+impl LaneDensity {
+    fn add(&mut self, f: impl Fn(usize) -> f64) {
+        for (k, lane) in self.lanes.iter_mut().enumerate() {
+            *lane += f(k);
+        }
+    }
 }
 
 /// Value and densities of the non-specular label for one pair of directions.
@@ -76,6 +126,16 @@ pub struct BsdfEval {
     pub pdf_light: f64,
     /// Per-lane versions of (`pdf_camera`, `pdf_light`) where they differ from the hero's.
     pub columns: Option<(LaneDensity, LaneDensity)>,
+}
+
+impl BsdfEval {
+    /// Nothing scattered, never sampled.
+    pub const BLACK: Self = Self {
+        g: SampledSpectrum::ZERO,
+        pdf_camera: 0.0,
+        pdf_light: 0.0,
+        columns: None,
+    };
 }
 
 /// A sampled direction.
@@ -126,42 +186,308 @@ pub struct Bsdf {
     pub interface: Interface,
 }
 
-#[allow(unused_variables)]
+impl Lobe {
+    /// Whether the lobe scatters into exact directions only.
+    #[must_use]
+    pub fn is_specular(&self) -> bool {
+        matches!(self, Self::Mirror(_) | Self::Dielectric(_) | Self::Thin(_))
+    }
+
+    fn eval(&self, w_light: DVec3, w_camera: DVec3, interface: &Interface) -> Option<BsdfEval> {
+        match self {
+            Self::Diffuse(lobe) => lobe.eval(w_light, w_camera, interface),
+            Self::Conductor(lobe) => lobe.eval(w_light, w_camera, interface),
+            Self::RoughDielectric(lobe) => lobe.eval(w_light, w_camera, interface),
+            Self::Mirror(_) | Self::Dielectric(_) | Self::Thin(_) => None,
+        }
+    }
+
+    /// Probability of `label` once the lobe is chosen, for a direction at cosine `cos` on the side `above`.
+    fn label_probability(&self, label: Label, cos: f64, above: bool, interface: &Interface) -> f64 {
+        let reflect = match self {
+            Self::Diffuse(_) | Self::Conductor(_) | Self::RoughDielectric(_) => {
+                return if label == Label::NonSpecular {
+                    1.0
+                } else {
+                    0.0
+                };
+            }
+            Self::Mirror(_) => 1.0,
+            Self::Dielectric(_) => interface.mean_reflectance(cos, above),
+            Self::Thin(lobe) => {
+                let lane = |k| lobe.lane_reflectance(k, cos, above, interface);
+                (0..interface.count).map(lane).sum::<f64>() / interface.count as f64
+            }
+        };
+        match label {
+            Label::NonSpecular => 0.0,
+            Label::SpecularReflect => reflect,
+            Label::SpecularTransmit => 1.0 - reflect,
+        }
+    }
+
+    /// Reflectance or transmittance of a specular label, tint included.
+    fn specular(
+        &self,
+        label: Label,
+        cos: f64,
+        above: bool,
+        interface: &Interface,
+    ) -> SampledSpectrum {
+        match (label, self) {
+            (Label::SpecularReflect, Self::Mirror(lobe)) => lobe.reflectance(cos, above, interface),
+            (Label::SpecularReflect, Self::Dielectric(lobe)) => {
+                lobe.reflectance(cos, above, interface)
+            }
+            (Label::SpecularReflect, Self::Thin(lobe)) => {
+                interface.lanes(|k| lobe.lane_reflectance(k, cos, above, interface))
+            }
+            (Label::SpecularTransmit, Self::Dielectric(lobe)) => {
+                lobe.transmittance(cos, above, interface)
+            }
+            (Label::SpecularTransmit, Self::Thin(lobe)) => {
+                lobe.transmittance(cos, above, interface)
+            }
+            _ => SampledSpectrum::ZERO,
+        }
+    }
+}
+
 impl Bsdf {
     /// The bsdf that absorbs everything.
     #[must_use]
     pub fn black(interface: Interface) -> Self {
-        Self { lobes: ArrayVec::new(), interface }
+        Self {
+            lobes: ArrayVec::new(),
+            interface,
+        }
     }
 
     /// Whether there is any non-specular lobe: the vertex can be connected.
     #[must_use]
     pub fn has_non_specular(&self) -> bool {
-        todo!()
+        self.lobes.iter().any(|(_, lobe)| !lobe.is_specular())
     }
 
     /// Whether there is any specular lobe.
     #[must_use]
     pub fn has_specular(&self) -> bool {
-        todo!()
+        self.lobes.iter().any(|(_, lobe)| lobe.is_specular())
+    }
+
+    /// Sum of the lobes' weights.
+    fn total_weight(&self) -> f64 {
+        self.lobes
+            .iter()
+            .map(|&(weight, _)| f64::from(weight))
+            .sum()
+    }
+
+    /// Probability that scattering from direction `w` (of either side) draws `label`: Σ sel_i q_i(label). A function of
+    /// the vertex, the direction and the set of lanes, not of which lane is the hero.
+    #[must_use]
+    pub fn label_probability(&self, label: Label, w: DVec3) -> f64 {
+        let (cos, above) = (w.z.abs(), w.z > 0.0);
+        let mut sum = 0.0;
+        for (weight, lobe) in &self.lobes {
+            sum += f64::from(*weight) * lobe.label_probability(label, cos, above, &self.interface);
+        }
+        if sum > 0.0 {
+            sum / self.total_weight()
+        } else {
+            0.0
+        }
+    }
+
+    /// Reflectance ([`Label::SpecularReflect`]) or transmittance ([`Label::SpecularTransmit`]) per lane, weights and
+    /// tints included, of the specular lobes for light at cosine `cos` in [0, 1] on the side `above` the normal (or
+    /// below). 0 for the non-specular label.
+    #[must_use]
+    pub fn specular(&self, label: Label, cos: f64, above: bool) -> SampledSpectrum {
+        let mut sum = SampledSpectrum::ZERO;
+        for (weight, lobe) in &self.lobes {
+            sum += lobe.specular(label, cos, above, &self.interface) * *weight;
+        }
+        sum
     }
 
     /// The non-specular label for given directions. Both densities come with the value: they cannot disagree.
     #[must_use]
     pub fn eval(&self, w_light: DVec3, w_camera: DVec3) -> BsdfEval {
-        todo!()
+        let mut sum = BsdfEval::BLACK;
+        let scale = 1.0 / self.total_weight();
+        for (weight, lobe) in &self.lobes {
+            let Some(eval) = lobe.eval(w_light, w_camera, &self.interface) else {
+                continue;
+            };
+            let selection = f64::from(*weight) * scale;
+            sum.g += eval.g * *weight;
+            if let Some((camera, light)) = eval.columns {
+                // what other lobes gave so far is the same in all lanes
+                let columns = sum.columns.get_or_insert((
+                    LaneDensity {
+                        lanes: [sum.pdf_camera; MAX_LANES],
+                    },
+                    LaneDensity {
+                        lanes: [sum.pdf_light; MAX_LANES],
+                    },
+                ));
+                columns.0.add(|k| camera.lanes[k] * selection);
+                columns.1.add(|k| light.lanes[k] * selection);
+            } else if let Some(columns) = &mut sum.columns {
+                columns.0.add(|_| eval.pdf_camera * selection);
+                columns.1.add(|_| eval.pdf_light * selection);
+            }
+            sum.pdf_camera += eval.pdf_camera * selection;
+            sum.pdf_light += eval.pdf_light * selection;
+        }
+        sum
     }
 
     /// Generates the direction of side `generate` from the `given` one. `u`: label/lobe choice, then two for the direction.
     /// `None` when the sample fails (GGX below the surface, nothing to scatter).
     #[must_use]
     pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
-        todo!()
+        let (lobe, rest) = self.choose_lobe(u[0])?;
+        let above = given.z > 0.0;
+        let cos = given.z.abs();
+        if lobe.is_specular() {
+            let q = lobe.label_probability(Label::SpecularReflect, cos, above, &self.interface);
+            let label = if rest < q {
+                Label::SpecularReflect
+            } else {
+                Label::SpecularTransmit
+            };
+            return self.sample_specular(lobe, label, given);
+        }
+        // the lobes generate for a given direction above the surface
+        let up = if above {
+            given
+        } else {
+            DVec3::new(given.x, given.y, -given.z)
+        };
+        let w = match lobe {
+            Lobe::Diffuse(_) => diffuse::Diffuse::generate([u[1], u[2]]),
+            Lobe::Conductor(lobe) => lobe.generate(up, [u[1], u[2]]),
+            Lobe::RoughDielectric(lobe) => {
+                lobe.generate(up, &self.interface, [rest, u[1], u[2]], above)?
+            }
+            Lobe::Mirror(_) | Lobe::Dielectric(_) | Lobe::Thin(_) => return None,
+        };
+        let w = if above { w } else { DVec3::new(w.x, w.y, -w.z) };
+        self.sample_non_specular(given, w, generate)
     }
 
-    /// Albedo-like colour for the preview AOV: mean reflectance per lane at normal incidence.
+    /// The lobe that `u` falls on, and `u` stretched over it again, below 1.
+    fn choose_lobe(&self, u: f64) -> Option<(&Lobe, f64)> {
+        let mut rest = u * self.total_weight();
+        let mut chosen = None;
+        for (weight, lobe) in &self.lobes {
+            let weight = f64::from(*weight);
+            if weight <= 0.0 {
+                continue;
+            }
+            if rest < weight {
+                return Some((lobe, (rest / weight).min(1.0 - f64::EPSILON)));
+            }
+            // rounding may leave a little beyond the last lobe
+            chosen = Some((lobe, 1.0 - f64::EPSILON));
+            rest -= weight;
+        }
+        chosen
+    }
+
+    fn sample_specular(&self, lobe: &Lobe, label: Label, given: DVec3) -> Option<BsdfSample> {
+        let above = given.z > 0.0;
+        let transmits = label == Label::SpecularTransmit;
+        let refracts = transmits && matches!(lobe, Lobe::Dielectric(_));
+        let w = if refracts {
+            let (near, far) = self.interface.sides(above);
+            let normal = if above { DVec3::Z } else { -DVec3::Z };
+            fresnel::refract(given, normal, near[0], far[0])?
+        } else if transmits {
+            -given
+        } else {
+            DVec3::new(-given.x, -given.y, given.z)
+        };
+        if w.z == 0.0 {
+            return None;
+        }
+        let pdf = self.label_probability(label, given);
+        Some(BsdfSample {
+            w,
+            label,
+            weight: self.specular(label, given.z.abs(), above) * (1.0 / pdf) as f32,
+            pdf,
+            pdf_reverse: self.label_probability(label, w),
+            dispersive: refracts && self.interface.dispersive,
+            columns: None,
+        })
+    }
+
+    fn sample_non_specular(&self, given: DVec3, w: DVec3, generate: Side) -> Option<BsdfSample> {
+        let (pdf, pdf_reverse, columns, g) = match generate {
+            Side::Camera => {
+                let e = self.eval(given, w);
+                (e.pdf_camera, e.pdf_light, e.columns, e.g)
+            }
+            Side::Light => {
+                let e = self.eval(w, given);
+                (
+                    e.pdf_light,
+                    e.pdf_camera,
+                    e.columns.map(|(camera, light)| (light, camera)),
+                    e.g,
+                )
+            }
+        };
+        if pdf <= 0.0 || !pdf.is_finite() {
+            return None;
+        }
+        let eta = self.interface.near(w.z > 0.0);
+        let projected = w.z.abs() / pdf;
+        let weight = self
+            .interface
+            .lanes(|k| f64::from(g[k]) * eta[k] * eta[k] * projected);
+        Some(BsdfSample {
+            w,
+            label: Label::NonSpecular,
+            weight,
+            pdf,
+            pdf_reverse,
+            dispersive: false,
+            columns,
+        })
+    }
+
+    /// Colour for the preview AOV: the share scattered at normal incidence from above, transmission included (clear
+    /// glass is white), per lane.
     #[must_use]
     pub fn albedo(&self) -> SampledSpectrum {
-        todo!()
+        let (near, far) = self.interface.sides(true);
+        let mut sum = SampledSpectrum::ZERO;
+        for (weight, lobe) in &self.lobes {
+            let share = match lobe {
+                Lobe::Diffuse(lobe) => lobe.reflectance,
+                Lobe::Conductor(lobe) => {
+                    conductor::Mirror::Metal(lobe.metal).reflectance(1.0, true, &self.interface)
+                }
+                Lobe::RoughDielectric(lobe) => {
+                    let r = self
+                        .interface
+                        .lanes(|k| fresnel::dielectric(1.0, near[k], far[k]));
+                    r * lobe.reflect_tint + (SampledSpectrum::ONE - r) * lobe.transmit_tint
+                }
+                specular => {
+                    specular.specular(Label::SpecularReflect, 1.0, true, &self.interface)
+                        + specular.specular(Label::SpecularTransmit, 1.0, true, &self.interface)
+                }
+            };
+            sum += share * *weight;
+        }
+        sum
     }
 }
+
+#[cfg(test)]
+mod tests;

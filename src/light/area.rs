@@ -1,4 +1,132 @@
-//! placeholder
-/// H4
-#[derive(Clone, Debug)]
-pub struct AreaLight;
+//! Lambertian emission from the surface of an instance.
+//!
+//! Radiance is the same over the whole surface and in every direction of an emitting side. Points are drawn by world
+//! area (a mesh is one light with one area table), directions by the cosine.
+
+use super::{
+    DirectSample, EmissionSample, LightContext, PI_INV, cosine_hemisphere, factor, unit_from_to,
+};
+use crate::geometry::{DirectionalDensity, EndPoint, Instance, InstanceId, SurfacePoint};
+use crate::math::frame::Frame;
+use crate::spectrum::Emission;
+use glam::{DVec2, DVec3};
+use std::f64::consts::PI;
+
+/// An emitting instance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AreaLight {
+    /// The surface that emits.
+    pub instance: InstanceId,
+    /// Radiance, W/(m² sr nm) and W/(m² sr) per line.
+    pub radiance: Emission,
+    /// Whether the back emits as well as the side of the geometric normal.
+    pub two_sided: bool,
+}
+
+impl AreaLight {
+    fn geometry<'a>(&self, context: &LightContext<'a>) -> &'a Instance {
+        &context.accel.instances()[self.instance.0 as usize]
+    }
+
+    fn sides(&self) -> f64 {
+        if self.two_sided { 2.0 } else { 1.0 }
+    }
+
+    /// Flux per unit radiance.
+    pub(super) fn flux_factor(&self, context: &LightContext) -> f64 {
+        PI * self.geometry(context).area(context.time) * self.sides()
+    }
+
+    /// Cosine towards `direction` (away from the light) where that side emits, else 0.
+    pub(super) fn emitting_cos(&self, ng: DVec3, direction: DVec3) -> f64 {
+        let cos = ng.dot(direction);
+        if self.two_sided { cos.abs() } else { cos.max(0.0) }
+    }
+
+    pub(super) fn sample_emission(
+        &self,
+        context: &LightContext,
+        u_face: f64,
+        u_pos: DVec2,
+        u_dir: DVec2,
+    ) -> Option<EmissionSample> {
+        let sample =
+            self.geometry(context).sample_area(self.instance, context.time, u_face, u_pos);
+        let (side, u_dir) = self.choose_side(u_dir);
+        let local = cosine_hemisphere(u_dir);
+        let direction = Frame::from_z(sample.point.ng * side).to_outer(local).normalize();
+        let pdf_direction = self.direction_density(sample.point.ng, direction);
+        (sample.pdf_a > 0.0 && pdf_direction > 0.0).then(|| EmissionSample {
+            x0: end_point(&sample.point),
+            origin: sample.point.p,
+            direction,
+            pdf_x0: sample.pdf_a,
+            pdf_direction: DirectionalDensity::SolidAngle(pdf_direction),
+            weight: factor(PI * self.sides() / sample.pdf_a),
+        })
+    }
+
+    /// Which side a direction number asks for, and the number made uniform again.
+    fn choose_side(&self, u: DVec2) -> (f64, DVec2) {
+        if !self.two_sided {
+            (1.0, u)
+        } else if u.x < 0.5 {
+            (1.0, DVec2::new(2.0 * u.x, u.y))
+        } else {
+            (-1.0, DVec2::new(2.0 * u.x - 1.0, u.y))
+        }
+    }
+
+    /// Density per solid angle of the emitted direction.
+    fn direction_density(&self, ng: DVec3, direction: DVec3) -> f64 {
+        self.emitting_cos(ng, direction) * PI_INV / self.sides()
+    }
+
+    pub(super) fn emission_density(
+        &self,
+        context: &LightContext,
+        x0: &EndPoint,
+        direction: DVec3,
+    ) -> (f64, DirectionalDensity) {
+        let pdf = self.direction_density(x0.n, direction);
+        (self.area_density(context, x0), DirectionalDensity::SolidAngle(pdf))
+    }
+
+    fn area_density(&self, context: &LightContext, x0: &EndPoint) -> f64 {
+        let Some(id) = x0.surface.filter(|s| s.instance == self.instance) else { return 0.0 };
+        let point = SurfacePoint { p: x0.p, ng: x0.n, ns: x0.n, uv: DVec2::ZERO, id };
+        self.geometry(context).pdf_area(&point, context.time)
+    }
+
+    pub(super) fn sample_direct(
+        &self,
+        context: &LightContext,
+        x1: DVec3,
+        u_face: f64,
+        u: DVec2,
+    ) -> Option<DirectSample> {
+        let sample = self.geometry(context).sample_area(self.instance, context.time, u_face, u);
+        let (toward, distance) = unit_from_to(x1, sample.point.p)?;
+        let cos = self.emitting_cos(sample.point.ng, -toward);
+        (sample.pdf_a > 0.0 && cos > 0.0).then(|| DirectSample {
+            x0: end_point(&sample.point),
+            toward,
+            distance,
+            pdf: sample.pdf_a,
+            value: factor(cos / (distance * distance * sample.pdf_a)),
+        })
+    }
+
+    pub(super) fn direct_density(
+        &self,
+        context: &LightContext,
+        x1: DVec3,
+        x0: &EndPoint,
+    ) -> f64 {
+        if self.emitting_cos(x0.n, x1 - x0.p) > 0.0 { self.area_density(context, x0) } else { 0.0 }
+    }
+}
+
+fn end_point(point: &SurfacePoint) -> EndPoint {
+    EndPoint { p: point.p, n: point.ng, surface: Some(point.id), infinite: false }
+}

@@ -1,7 +1,11 @@
 //! Light sources: where sub-paths of light begin and where camera paths may end.
 //!
 //! Values are in basic radiance units as `transport` needs them; the probability of choosing a light is not in here (see
-//! [`selection`]). Numbers for sampling are passed in.
+//! [`selection`]). Numbers for sampling are passed in. Lights with a direction shine along the +z axis of their own
+//! space, the side to which flat shapes emit and detectors receive.
+//!
+//! The modules of the kinds describe geometry alone, for unit emission; [`Light`] multiplies by the spectrum.
+//! Densities and values follow Veach 1997, chapters 8 and 10.
 
 pub mod area;
 pub mod beam;
@@ -11,9 +15,11 @@ pub mod point;
 pub mod selection;
 pub mod spot;
 
-use crate::geometry::{Accel, DirectionalDensity, EndPoint, SurfacePoint};
+use crate::geometry::{Accel, DirectionalDensity, EndPoint, SurfacePoint, Transform};
+use crate::math::frame::Frame;
 use crate::spectrum::{Emission, SampledSpectrum, SampledWavelengths};
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
+use std::f64::consts::TAU;
 
 /// Index of a light in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -95,18 +101,36 @@ pub enum Light {
     Environment(environment::EnvironmentLight),
 }
 
-#[allow(unused_variables)]
 impl Light {
     /// The emission spectrum.
     #[must_use]
     pub fn emission(&self) -> &Emission {
-        todo!()
+        match self {
+            Self::Area(light) => &light.radiance,
+            Self::Point(light) => &light.intensity,
+            Self::Spot(light) => &light.intensity,
+            Self::Directional(light) => &light.irradiance,
+            Self::Beam(light) => &light.irradiance,
+            Self::Environment(light) => &light.radiance,
+        }
     }
 
     /// Emitted power weighted by visibility (any common unit): for choosing lights.
     #[must_use]
     pub fn power(&self, context: &LightContext) -> f64 {
-        todo!()
+        self.emission().visible_power() * self.flux_factor(context)
+    }
+
+    /// Flux per unit emission that can reach the scene.
+    fn flux_factor(&self, context: &LightContext) -> f64 {
+        match self {
+            Self::Area(light) => light.flux_factor(context),
+            Self::Point(_) => point::PointLight::FLUX_FACTOR,
+            Self::Spot(light) => light.flux_factor(),
+            Self::Directional(_) => directional::DirectionalLight::flux_factor(context),
+            Self::Beam(light) => light.area(),
+            Self::Environment(_) => environment::EnvironmentLight::flux_factor(context),
+        }
     }
 
     /// Starts a light sub-path. `u_face` picks a face or triangle, `u_pos` the position, `u_dir` the direction. `None` where
@@ -120,13 +144,55 @@ impl Light {
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        todo!()
+        let mut sample = self.start(context, u_face, u_pos, u_dir)?;
+        sample.weight *= self.emission().sample(wavelengths);
+        Some(sample)
+    }
+
+    /// `sample_emission` for unit emission.
+    fn start(
+        &self,
+        context: &LightContext,
+        u_face: f64,
+        u_pos: DVec2,
+        u_dir: DVec2,
+    ) -> Option<EmissionSample> {
+        match self {
+            Self::Area(light) => light.sample_emission(context, u_face, u_pos, u_dir),
+            Self::Point(light) => Some(light.sample_emission(context.time, u_dir)),
+            Self::Spot(light) => light.sample_emission(context.time, u_dir),
+            Self::Directional(light) => light.sample_emission(context, u_pos),
+            Self::Beam(light) => Some(light.sample_emission(context.time, u_pos)),
+            Self::Environment(_) => {
+                environment::EnvironmentLight::sample_emission(context, u_pos, u_dir)
+            }
+        }
     }
 
     /// Density of `x0` (as `EmissionSample::pdf_x0`) and of leaving it in `direction` (unit, away from the light).
     #[must_use]
-    pub fn emission_density(&self, context: &LightContext, x0: &EndPoint, direction: DVec3) -> (f64, DirectionalDensity) {
-        todo!()
+    pub fn emission_density(
+        &self,
+        context: &LightContext,
+        x0: &EndPoint,
+        direction: DVec3,
+    ) -> (f64, DirectionalDensity) {
+        use DirectionalDensity::{Perpendicular, SolidAngle};
+        match self {
+            Self::Area(light) => light.emission_density(context, x0, direction),
+            Self::Point(_) => (1.0, SolidAngle(point::PointLight::DIRECTION_PDF)),
+            Self::Spot(light) => {
+                (1.0, SolidAngle(light.direction_density(context.time, direction)))
+            }
+            Self::Directional(_) => {
+                (1.0, Perpendicular(1.0 / directional::DirectionalLight::flux_factor(context)))
+            }
+            Self::Beam(light) => (1.0, light.density()),
+            Self::Environment(_) => (
+                environment::EnvironmentLight::DIRECTION_PDF,
+                environment::EnvironmentLight::disk_density(context),
+            ),
+        }
     }
 
     /// Connects `x1` to the light. `None` where no light can arrive (behind, outside the cone or the aperture).
@@ -139,32 +205,80 @@ impl Light {
         u_face: f64,
         u: DVec2,
     ) -> Option<DirectSample> {
-        todo!()
+        let mut sample = self.connect(context, x1, u_face, u)?;
+        sample.value *= self.emission().sample(wavelengths);
+        Some(sample)
+    }
+
+    /// `sample_direct` for unit emission.
+    fn connect(
+        &self,
+        context: &LightContext,
+        x1: DVec3,
+        u_face: f64,
+        u: DVec2,
+    ) -> Option<DirectSample> {
+        match self {
+            Self::Area(light) => light.sample_direct(context, x1, u_face, u),
+            Self::Point(light) => light.sample_direct(context.time, x1),
+            Self::Spot(light) => light.sample_direct(context.time, x1),
+            Self::Directional(light) => Some(light.sample_direct(context.time)),
+            Self::Beam(light) => light.sample_direct(context.time, x1),
+            Self::Environment(_) => Some(environment::EnvironmentLight::sample_direct(u)),
+        }
     }
 
     /// Density with which `sample_direct` from `x1` generates `x0`. 0 where `sample_direct` would give `None`.
     #[must_use]
     pub fn direct_density(&self, context: &LightContext, x1: DVec3, x0: &EndPoint) -> f64 {
-        todo!()
+        match self {
+            Self::Area(light) => light.direct_density(context, x1, x0),
+            Self::Environment(_) => environment::EnvironmentLight::DIRECTION_PDF,
+            // the end point is the only one there is
+            _ => self.connect(context, x1, 0.0, DVec2::ZERO).map_or(0.0, |sample| sample.pdf),
+        }
     }
 
     /// Whether and how a camera path can hit the light.
     #[must_use]
     pub fn hit_measure(&self) -> HitMeasure {
-        todo!()
+        match self {
+            Self::Area(_) => HitMeasure::Area,
+            Self::Environment(_) => HitMeasure::SolidAngle,
+            Self::Point(_) | Self::Spot(_) | Self::Directional(_) | Self::Beam(_) => {
+                HitMeasure::Never
+            }
+        }
     }
 
     /// Emitted radiance of an area light from `point` in unit `direction` (away from the light): 0 on a dark side.
     #[must_use]
-    pub fn radiance(&self, point: &SurfacePoint, direction: DVec3, wavelengths: &SampledWavelengths) -> SampledSpectrum {
-        todo!()
+    pub fn radiance(
+        &self,
+        point: &SurfacePoint,
+        direction: DVec3,
+        wavelengths: &SampledWavelengths,
+    ) -> SampledSpectrum {
+        match self {
+            Self::Area(light) if light.emitting_cos(point.ng, direction) > 0.0 => {
+                light.radiance.sample(wavelengths)
+            }
+            _ => SampledSpectrum::ZERO,
+        }
     }
 
     /// Radiance that arrives from infinity along a ray that travels in unit `direction` (away from the eye). 0 unless an
     /// environment.
     #[must_use]
-    pub fn escaped_radiance(&self, direction: DVec3, wavelengths: &SampledWavelengths) -> SampledSpectrum {
-        todo!()
+    pub fn escaped_radiance(
+        &self,
+        _direction: DVec3,
+        wavelengths: &SampledWavelengths,
+    ) -> SampledSpectrum {
+        match self {
+            Self::Environment(light) => light.radiance.sample(wavelengths),
+            _ => SampledSpectrum::ZERO,
+        }
     }
 
     /// Whether only light paths can find its light at all (no s = 0; delta).
@@ -172,4 +286,53 @@ impl Light {
     pub fn is_delta(&self) -> bool {
         self.hit_measure() == HitMeasure::Never
     }
+}
+
+const PI_INV: f64 = std::f64::consts::FRAC_1_PI;
+
+/// The same number in every lane: a weight or value for unit emission.
+fn factor(value: f64) -> SampledSpectrum {
+    SampledSpectrum::splat(value as f32)
+}
+
+/// A point without extent.
+fn point_end(p: DVec3) -> EndPoint {
+    EndPoint { p, n: DVec3::ZERO, surface: None, infinite: false }
+}
+
+/// Unit direction and distance; `None` where the points coincide.
+fn unit_from_to(from: DVec3, to: DVec3) -> Option<(DVec3, f64)> {
+    let distance = from.distance(to);
+    (distance > 0.0).then(|| ((to - from) / distance, distance))
+}
+
+/// The rigid motion that takes the origin to `position` and +z to `direction`.
+fn posed(position: DVec3, direction: DVec3) -> Transform {
+    let frame = Frame::from_z(direction.normalize());
+    let rotation = DMat3::from_cols(frame.x, frame.y, frame.z);
+    Transform::fixed(DAffine3::from_mat3_translation(rotation, position))
+}
+
+/// The +z axis of a placed light as a unit vector.
+fn placed_axis(transform: &Transform, time: f64) -> DVec3 {
+    transform.at(time).to_world.matrix3.z_axis.normalize()
+}
+
+/// A point of the disc of the bounding sphere's radius, one radius before the centre, normal to `direction`.
+fn far_disk_origin(context: &LightContext, direction: DVec3, u: DVec2) -> DVec3 {
+    let disk = unit_disk(u).extend(-1.0);
+    context.center + context.radius * Frame::from_z(direction).to_outer(disk)
+}
+
+fn unit_disk(u: DVec2) -> DVec2 {
+    u.x.sqrt() * DVec2::from_angle(TAU * u.y)
+}
+
+fn unit_sphere(u: DVec2) -> DVec3 {
+    let z = 1.0 - 2.0 * u.x;
+    (DVec2::from_angle(TAU * u.y) * (1.0 - z * z).max(0.0).sqrt()).extend(z)
+}
+
+fn cosine_hemisphere(u: DVec2) -> DVec3 {
+    unit_disk(u).extend((1.0 - u.x).sqrt())
 }

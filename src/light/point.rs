@@ -1,4 +1,86 @@
-//! placeholder
-/// H4
-#[derive(Clone, Debug)]
-pub struct PointLight;
+//! A point that shines equally in all directions.
+
+use super::{DirectSample, EmissionSample, factor, point_end, unit_from_to, unit_sphere};
+use crate::geometry::{DirectionalDensity, Transform};
+use crate::spectrum::Emission;
+use glam::{DAffine3, DVec2, DVec3};
+use std::f64::consts::PI;
+
+/// An isotropic point light at the origin of its own space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointLight {
+    /// Where it is.
+    pub transform: Transform,
+    /// Radiant intensity, W/(sr nm) and W/sr per line.
+    pub intensity: Emission,
+}
+
+impl PointLight {
+    /// A light at rest at `position`.
+    #[must_use]
+    pub fn at(position: DVec3, intensity: Emission) -> Self {
+        let transform = Transform::fixed(DAffine3::from_translation(position));
+        Self { transform, intensity }
+    }
+
+    /// Flux per unit intensity.
+    pub(super) const FLUX_FACTOR: f64 = 4.0 * PI;
+
+    pub(super) const DIRECTION_PDF: f64 = 1.0 / (4.0 * PI);
+
+    fn position(&self, time: f64) -> DVec3 {
+        self.transform.at(time).to_world.translation
+    }
+
+    pub(super) fn sample_emission(&self, time: f64, u_dir: DVec2) -> EmissionSample {
+        let p = self.position(time);
+        EmissionSample {
+            x0: point_end(p),
+            origin: p,
+            direction: unit_sphere(u_dir),
+            pdf_x0: 1.0,
+            pdf_direction: DirectionalDensity::SolidAngle(Self::DIRECTION_PDF),
+            weight: factor(Self::FLUX_FACTOR),
+        }
+    }
+
+    pub(super) fn sample_direct(&self, time: f64, x1: DVec3) -> Option<DirectSample> {
+        let p = self.position(time);
+        let (toward, distance) = unit_from_to(x1, p)?;
+        let value = factor(1.0 / (distance * distance));
+        Some(DirectSample { x0: point_end(p), toward, distance, pdf: 1.0, value })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn irradiance_falls_with_the_square_of_the_distance() {
+        let light = PointLight::at(DVec3::new(1.0, 2.0, 3.0), Emission::default());
+        let sample = light.sample_direct(0.0, DVec3::new(1.0, 2.0, 7.0)).unwrap();
+        assert_eq!(sample.value[0], 1.0 / 16.0);
+        assert_eq!(sample.toward, DVec3::NEG_Z);
+        assert_eq!(sample.distance, 4.0);
+        assert!(light.sample_direct(0.0, DVec3::new(1.0, 2.0, 3.0)).is_none());
+    }
+
+    #[test]
+    fn directions_cover_the_sphere_evenly() {
+        let light = PointLight::at(DVec3::ZERO, Emission::default());
+        let n = 64;
+        let mut first = DVec3::ZERO;
+        let mut second = DVec3::ZERO;
+        for i in 0..n * n {
+            let u = (DVec2::new((i % n) as f64, (i / n) as f64) + 0.5) / n as f64;
+            let sample = light.sample_emission(0.0, u);
+            assert!((sample.direction.length() - 1.0).abs() < 1e-14);
+            first += sample.direction;
+            second += sample.direction * sample.direction;
+        }
+        // stratified midpoints: far better than the 1/n of random numbers
+        assert!((first / (n * n) as f64).length() < 1e-3);
+        assert!((second / (n * n) as f64 - DVec3::splat(1.0 / 3.0)).length() < 1e-3);
+    }
+}
