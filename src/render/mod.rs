@@ -3,6 +3,7 @@
 pub mod guides;
 pub mod outputs;
 pub mod pilot;
+pub mod stop;
 pub mod table;
 
 pub use outputs::{OutputRequest, Outputs};
