@@ -368,7 +368,7 @@ impl Bsdf {
         };
         let w = match lobe {
             Lobe::Diffuse(_) => diffuse::Diffuse::generate([u[1], u[2]]),
-            Lobe::Conductor(lobe) => lobe.generate(up, [u[1], u[2]]),
+            Lobe::Conductor(lobe) => lobe.generate(up, [u[1], u[2]])?,
             Lobe::RoughDielectric(lobe) => {
                 lobe.generate(up, &self.interface, [rest, u[1], u[2]], above)?
             }

@@ -129,16 +129,9 @@ fn samples_have_their_density() {
                     let s = bsdf.sample(given, generate, u)?;
                     (s.label == Label::NonSpecular).then_some(s.w)
                 };
-                let p = sphere_p_value(11, 8_000, draw, &|w| {
-                    // the specular part of a mixture counts as failed, as the label's probability is in the density
-                    pdf_of(bsdf, given, generate, w)
-                        * bsdf.label_probability(Label::NonSpecular, given)
-                        / if bsdf.has_specular() {
-                            bsdf.label_probability(Label::NonSpecular, w)
-                        } else {
-                            1.0
-                        }
-                });
+                // the specular labels of a mixture count as failed: the density holds the label's probability
+                let pdf = |w| pdf_of(bsdf, given, generate, w);
+                let p = sphere_p_value(11, 20_000, draw, &pdf);
                 assert!(p > level, "case {i}, {degrees}°, {generate:?}: p = {p}");
             }
         }
@@ -325,21 +318,23 @@ fn barely_rough_glass_splits_like_smooth_glass() {
         let given = direction(35.0, 0.4);
         let want = fresnel::dielectric(given.z, above, below);
         let refracted = fresnel::refract(given, DVec3::Z, above, below).unwrap();
-        let (mut reflected, n) = (Moments::default(), 20_000);
+        let (mut reflected, mut far, n) = (Moments::default(), 0, 20_000);
         for i in 0..n {
-            let s = rough.sample(given, Side::Camera, uniforms(2, i)).unwrap();
-            assert!((s.weight[0] - 1.0).abs() < 0.02);
-            reflected.push(f64::from(u8::from(s.w.z > 0.0)));
-            let exact = if s.w.z > 0.0 {
+            let Some(s) = rough.sample(given, Side::Camera, uniforms(2, i)) else {
+                far += 1;
+                continue;
+            };
+            let up = s.w.z > 0.0;
+            reflected.push(f64::from(u8::from(up)));
+            let exact = if up {
                 DVec3::new(-given.x, -given.y, given.z)
             } else {
                 refracted
             };
-            // GGX has long tails: 3e-4 of the samples lie beyond a facet angle of 0.1
-            if i < 100 {
-                assert!((s.w - exact).length() < 0.1);
-            }
+            far += u64::from((s.w - exact).length() > 0.1 || (s.weight[0] - 1.0).abs() > 0.02);
         }
+        // the tail of GGX beyond a facet angle of 0.05 rad holds (alpha/0.05)^2 = 1.6e-3
+        assert!(far < n / 250, "{far}");
         // four standard errors of 20 000 samples, and O(alpha)
         assert!((reflected.mean - want).abs() < 4.0 * reflected.standard_error() + 2e-3);
     }
