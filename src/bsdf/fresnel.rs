@@ -21,7 +21,7 @@ pub fn dielectric(cos_i: f64, eta_i: f64, eta_t: f64) -> f64 {
         return 0.0;
     }
     let g2 = contrast + cos_i * cos_i;
-    if g2 <= 0.0 {
+    if g2 <= 0.0 || cos_i <= 0.0 {
         return 1.0;
     }
     let g = g2.sqrt();

@@ -220,8 +220,8 @@ fn sample_agrees_with_eval() {
             } else {
                 bsdf.interface.eta_below
             };
-            for k in 0..bsdf.interface.count {
-                let want = f64::from(e.g[k]) * eta[k].powi(2) * s.w.z.abs() / s.pdf;
+            for (k, eta) in eta.iter().enumerate().take(bsdf.interface.count) {
+                let want = f64::from(e.g[k]) * eta * eta * s.w.z.abs() / s.pdf;
                 assert!((f64::from(s.weight[k]) - want).abs() <= 1e-5 * want);
             }
             if let Some((own, _)) = s.columns {
@@ -366,6 +366,61 @@ fn columns_are_the_densities_of_rotated_heroes() {
         }
     }
     assert!(different > 100, "{different}");
+}
+
+/// The balance heuristic over heroes with the columns as densities gives every lane its own albedo, the one it has
+/// alone: values, lanes' densities and the lobe choice are consistent.
+#[test]
+fn lanes_combined_over_heroes_keep_their_energy() {
+    let base = dispersive_interface();
+    let lobes = [(1.0, rough_glass([0.3, 0.3]))];
+    let set = bsdf(&lobes, base);
+    for degrees in [20.0, 145.0] {
+        let given = direction(degrees, 0.9);
+        let n = 20_000;
+        let mut lanes = [Moments::default(); 4];
+        for hero in 0..4 {
+            let mut turned = base;
+            turned.eta_above[..4].rotate_left(hero);
+            turned.eta_below[..4].rotate_left(hero);
+            let turned = bsdf(&lobes, turned);
+            for i in 0..n {
+                let drawn = turned.sample(given, Side::Camera, uniforms(hero as u64, i));
+                for (k, moments) in lanes.iter_mut().enumerate() {
+                    let value = drawn.map_or(0.0, |s| {
+                        let e = set.eval(given, s.w);
+                        let density = e.columns.map_or(e.pdf_camera, |(camera, _)| {
+                            camera.lanes[..4].iter().sum::<f64>() / 4.0
+                        });
+                        let eta = if s.w.z > 0.0 {
+                            base.eta_above[k]
+                        } else {
+                            base.eta_below[k]
+                        };
+                        f64::from(e.g[k]) * eta * eta * s.w.z.abs() / density
+                    });
+                    moments.push(value);
+                }
+            }
+        }
+        for (k, lane) in lanes.iter().enumerate() {
+            let alone = bsdf(
+                &lobes,
+                interface(&[base.eta_above[k]], &[base.eta_below[k]]),
+            );
+            let want = furnace(&alone, given, n)[0];
+            // four standard errors of the difference
+            let error = lane.standard_error().hypot(want.standard_error());
+            assert!(error < 0.01, "{error}");
+            let gap = (lane.mean - want.mean).abs();
+            assert!(
+                gap < 4.0 * error,
+                "{degrees}°, lane {k}: {} {}",
+                lane.mean,
+                want.mean
+            );
+        }
+    }
 }
 
 #[test]
