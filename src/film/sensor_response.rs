@@ -110,6 +110,24 @@ impl SensorResponse {
         }
     }
 
+    /// What a unit contribution in one lane adds to the mean of the channels: for comparing contributions with each other.
+    #[must_use]
+    pub fn brightness(&self, wavelengths: &SampledWavelengths, lane: usize) -> f64 {
+        match self {
+            Self::Xyz | Self::Photometric => {
+                let mut channels = [0.0; 3];
+                self.add_one(
+                    wavelengths.lambda_nm(lane),
+                    wavelengths.is_line(lane),
+                    1.0 / wavelengths.pdf(lane),
+                    &mut channels,
+                );
+                channels.iter().sum::<f64>() / 3.0
+            }
+            Self::Spectral(_) => 1.0 / wavelengths.pdf(lane),
+        }
+    }
+
     /// Adds an estimate of the spectrum's integral that was made at one wavelength.
     fn add_one(&self, lambda_nm: f64, is_line: bool, value: f64, channels: &mut [f64]) {
         let scale = match self {
