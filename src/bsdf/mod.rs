@@ -58,7 +58,7 @@ fn cosine_on_side(w: DVec3, other: DVec3) -> Option<f64> {
 /// For everything else all lanes have the hero's density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaneDensity {
-    /// The density of each lane; [0] is the hero's.
+    /// The density of each lane; \[0\] is the hero's. Lanes not in use are never read.
     pub lanes: [f64; MAX_LANES],
 }
 
@@ -116,6 +116,9 @@ pub struct BsdfSample {
 }
 
 /// A mixture of weighted lobes between two media. Weights are at most 1 in sum; what is missing is absorbed.
+///
+/// All lobes of a label act as one: whichever of them generated the direction, value, density and label probability are
+/// sums over all, so they depend on the directions and the label alone.
 #[derive(Clone, Debug)]
 pub struct Bsdf {
     /// (weight, lobe); the selection probability of a lobe is its weight over the sum.
