@@ -72,11 +72,17 @@ pub enum ObjError {
 /// face of nonzero area.
 pub fn load(path: impl AsRef<Path>) -> Result<Vec<ObjModel>, ObjError> {
     let path = path.as_ref();
-    let open = |source| ObjError::Open { path: path.to_owned(), source };
+    let open = |source| ObjError::Open {
+        path: path.to_owned(),
+        source,
+    };
     let file = File::open(path).map_err(open)?;
     let bytes = file.metadata().map_err(open)?.len();
     if bytes > MAX_BYTES {
-        return Err(ObjError::TooLarge { path: path.to_owned(), bytes });
+        return Err(ObjError::TooLarge {
+            path: path.to_owned(),
+            bytes,
+        });
     }
     parse(&mut BufReader::new(file), path)
 }
@@ -96,8 +102,11 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Vec<ObjModel>, ObjErr
         ignore_lines: true,
     };
     let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, _) = tobj::load_obj_buf(reader, &options, no_materials)
-        .map_err(|source| ObjError::Syntax { path: path.to_owned(), source })?;
+    let (models, _) =
+        tobj::load_obj_buf(reader, &options, no_materials).map_err(|source| ObjError::Syntax {
+            path: path.to_owned(),
+            source,
+        })?;
     let meshes: Vec<ObjModel> = models
         .into_iter()
         .filter(|model| !model.mesh.indices.is_empty())
@@ -105,12 +114,18 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Vec<ObjModel>, ObjErr
             let tobj::Model { mesh, name } = model;
             match to_mesh(mesh) {
                 Ok(mesh) => Ok(ObjModel { name, mesh }),
-                Err(source) => Err(ObjError::Mesh { path: path.to_owned(), name, source }),
+                Err(source) => Err(ObjError::Mesh {
+                    path: path.to_owned(),
+                    name,
+                    source,
+                }),
             }
         })
         .collect::<Result<_, _>>()?;
     if meshes.is_empty() {
-        return Err(ObjError::Empty { path: path.to_owned() });
+        return Err(ObjError::Empty {
+            path: path.to_owned(),
+        });
     }
     Ok(meshes)
 }
@@ -156,7 +171,10 @@ mod tests {
     #[test]
     fn faces_without_area_are_dropped_and_counted() {
         let models = read(&format!("{SQUARE}f 1 2 3\nf 1 2 2\nf 1 1 1\n")).expect("valid");
-        assert_eq!((models[0].mesh.triangle_count(), models[0].mesh.dropped()), (1, 2));
+        assert_eq!(
+            (models[0].mesh.triangle_count(), models[0].mesh.dropped()),
+            (1, 2)
+        );
     }
 
     #[test]
@@ -175,14 +193,18 @@ mod tests {
             let message = read(bad).expect_err(bad).to_string();
             assert!(message.starts_with("some.obj: "), "{bad}: {message}");
         }
-        let message = load("/nonexistent/a.obj").expect_err("no such file").to_string();
+        let message = load("/nonexistent/a.obj")
+            .expect_err("no such file")
+            .to_string();
         assert!(message.contains("a.obj"), "{message}");
         assert!(load(std::env::temp_dir()).is_err());
     }
 
     #[test]
     fn garbled_bytes_never_panic() {
-        let good = format!("{SQUARE}vn 0 0 1\nvt 0 0\ng a\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf -1//1 -2//1 1//1\n");
+        let good = format!(
+            "{SQUARE}vn 0 0 1\nvt 0 0\ng a\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf -1//1 -2//1 1//1\n"
+        );
         for i in 0..good.len() {
             fuzz_obj(&good.as_bytes()[..i]);
             for byte in [0u8, b'-', b'9', b'/', b' ', b'\n', b'e', 0xff] {

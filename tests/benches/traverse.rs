@@ -17,8 +17,10 @@ const RAYS: u64 = 100_000;
 static SCENE: LazyLock<Accel> = LazyLock::new(|| {
     let mesh = bumpy_sphere(500, 1000);
     let to_world = DAffine3::from_translation(dvec3(0.0, 1.15, 0.0));
-    let instance =
-        Instance { shape: Shape::Mesh(Arc::new(mesh)), transform: Transform::fixed(to_world) };
+    let instance = Instance {
+        shape: Shape::Mesh(Arc::new(mesh)),
+        transform: Transform::fixed(to_world),
+    };
     Accel::build(vec![instance])
 });
 
@@ -30,7 +32,11 @@ fn bumpy_sphere(rows: u32, columns: u32) -> Mesh {
         let r = 1.0
             + 0.05 * (12.0 * theta).sin() * (16.0 * phi).sin()
             + 0.01 * (60.0 * theta).sin() * (80.0 * phi).sin();
-        let p = dvec3(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin()) * r;
+        let p = dvec3(
+            theta.sin() * phi.cos(),
+            theta.cos(),
+            theta.sin() * phi.sin(),
+        ) * r;
         p.as_vec3().to_array()
     };
     let mut positions = vec![vertex(0, 0)];
@@ -47,7 +53,12 @@ fn bumpy_sphere(rows: u32, columns: u32) -> Mesh {
     let mut triangles = Vec::new();
     for row in 0..rows {
         for c in 0..columns {
-            let quad = [index(row, c), index(row, c + 1), index(row + 1, c + 1), index(row + 1, c)];
+            let quad = [
+                index(row, c),
+                index(row, c + 1),
+                index(row + 1, c + 1),
+                index(row + 1, c),
+            ];
             triangles.push([quad[0], quad[1], quad[2]]);
             triangles.push([quad[0], quad[2], quad[3]]);
         }
@@ -84,8 +95,7 @@ fn bounces() -> Vec<Ray> {
 
 fn chords() -> Vec<Ray> {
     let mut next = numbers();
-    let (low, high) = SCENE.bounds().expect("not empty");
-    let (center, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
+    let (center, radius) = (dvec3(0.0, 1.15, 0.0), 1.06);
     let mut point = || center + on_sphere(next(), next()) * radius;
     (0..RAYS)
         .map(|_| {
@@ -108,15 +118,23 @@ fn camera() -> Vec<Ray> {
 }
 
 fn closest(bencher: Bencher, rays: &[Ray]) {
-    bencher.counter(ItemsCount::new(rays.len())).bench_local(|| {
-        rays.iter().filter(|ray| SCENE.closest(black_box(ray), |_| true).is_some()).count()
-    });
+    bencher
+        .counter(ItemsCount::new(rays.len()))
+        .bench_local(|| {
+            rays.iter()
+                .filter(|ray| SCENE.closest(black_box(ray), |_| true).is_some())
+                .count()
+        });
 }
 
 fn occluded(bencher: Bencher, rays: &[Ray]) {
-    bencher.counter(ItemsCount::new(rays.len())).bench_local(|| {
-        rays.iter().filter(|ray| SCENE.occluded(black_box(ray), |_| true)).count()
-    });
+    bencher
+        .counter(ItemsCount::new(rays.len()))
+        .bench_local(|| {
+            rays.iter()
+                .filter(|ray| SCENE.occluded(black_box(ray), |_| true))
+                .count()
+        });
 }
 
 #[divan::bench]

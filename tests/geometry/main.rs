@@ -1,1 +1,5 @@
-fn main(){}
+//! Properties of ray queries that no picture would show: no leaks, no re-hits, no preferred scale.
+
+mod exclusion;
+mod support;
+mod watertight;
