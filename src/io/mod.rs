@@ -1,1 +1,4 @@
-//! placeholder
+//! Files in and out: scenes, meshes, images, part files. Every reader checks before it allocates and never panics; every
+//! writer replaces a file at once or not at all.
+
+pub mod scene_file;
