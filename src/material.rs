@@ -187,7 +187,8 @@ impl Material {
         }
     }
 
-    /// Whether any lobe is specular (smooth).
+    /// Whether any lobe is specular (smooth) by its roughness. A rough interface between media of the same index is
+    /// also built as smooth, which only the [`Bsdf`] knows.
     #[must_use]
     pub fn has_specular(&self) -> bool {
         self.lobes

@@ -23,9 +23,7 @@ impl Diffuse {
         let cos_camera = cosine_on_side(w_camera, w_light)?;
         let eta = interface.near(w_light.z > 0.0);
         let mut eval = BsdfEval::BLACK;
-        for k in 0..interface.count {
-            eval.g[k] = (f64::from(self.reflectance[k]) * FRAC_1_PI / (eta[k] * eta[k])) as f32;
-        }
+        eval.g = interface.lanes(|k| FRAC_1_PI / (eta[k] * eta[k])) * self.reflectance;
         eval.pdf_camera = cosine_hemisphere_pdf(cos_camera);
         eval.pdf_light = cosine_hemisphere_pdf(w_light.z.abs());
         Some(eval)

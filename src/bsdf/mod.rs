@@ -7,9 +7,14 @@ pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
 pub mod fresnel;
+pub mod interface;
+pub mod lobe;
 pub mod microfacet;
 pub mod rough_dielectric;
 pub mod thin;
+
+pub use interface::Interface;
+pub use lobe::Lobe;
 
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use arrayvec::ArrayVec;
@@ -43,56 +48,6 @@ pub enum Side {
     Camera,
 }
 
-/// Refractive indices on the two sides of a surface, per lane.
-#[derive(Clone, Copy, Debug)]
-pub struct Interface {
-    /// On the side the normal points to.
-    pub eta_above: [f64; MAX_LANES],
-    /// On the other side.
-    pub eta_below: [f64; MAX_LANES],
-    /// Lanes in use.
-    pub count: usize,
-    /// The ratio of the two indices differs between wavelengths.
-    pub dispersive: bool,
-}
-
-impl Interface {
-    /// Indices on the side `above` (or not) the normal.
-    pub(crate) fn near(&self, above: bool) -> &[f64; MAX_LANES] {
-        if above {
-            &self.eta_above
-        } else {
-            &self.eta_below
-        }
-    }
-
-    /// Indices on the side `above`, then on the other.
-    pub(crate) fn sides(&self, above: bool) -> (&[f64; MAX_LANES], &[f64; MAX_LANES]) {
-        (self.near(above), self.near(!above))
-    }
-
-    /// `f` of each lane in use, 0 in the others.
-    fn lanes(&self, mut f: impl FnMut(usize) -> f64) -> SampledSpectrum {
-        let mut out = SampledSpectrum::ZERO;
-        for k in 0..self.count {
-            out[k] = f(k) as f32;
-        }
-        out
-    }
-
-    /// Fresnel reflectance at cosine `cos` on the side `above`, averaged over the lanes in use: the probability of
-    /// choosing reflection, the same whichever lane is the hero.
-    fn mean_reflectance(&self, cos: f64, above: bool) -> f64 {
-        let (near, far) = self.sides(above);
-        // without dispersion the ratio of the indices, hence the reflectance, is that of the hero
-        let lanes = if self.dispersive { self.count } else { 1 };
-        let sum: f64 = (0..lanes)
-            .map(|k| fresnel::dielectric(cos, near[k], far[k]))
-            .sum();
-        sum / lanes as f64
-    }
-}
-
 /// `|cos|` of `w` when both directions are strictly on the same side of the surface.
 fn cosine_on_side(w: DVec3, other: DVec3) -> Option<f64> {
     (w.z * other.z > 0.0).then_some(w.z.abs())
@@ -103,7 +58,7 @@ fn cosine_on_side(w: DVec3, other: DVec3) -> Option<f64> {
 /// For everything else all lanes have the hero's density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaneDensity {
-    /// The density of each lane; [0] is the hero's.
+    /// The density of each lane; \[0\] is the hero's. Lanes not in use are never read.
     pub lanes: [f64; MAX_LANES],
 }
 
@@ -160,97 +115,16 @@ pub struct BsdfSample {
     pub columns: Option<(LaneDensity, LaneDensity)>,
 }
 
-/// One scattering lobe with its parameters at a point and at the path's wavelengths.
-#[derive(Clone, Copy, Debug)]
-pub enum Lobe {
-    /// Lambertian reflection.
-    Diffuse(diffuse::Diffuse),
-    /// Perfect mirror (reflectance per lane) or smooth conductor.
-    Mirror(conductor::Mirror),
-    /// GGX conductor.
-    Conductor(conductor::Conductor),
-    /// Smooth dielectric interface between the two media of the surface.
-    Dielectric(dielectric::Dielectric),
-    /// GGX dielectric interface.
-    RoughDielectric(rough_dielectric::RoughDielectric),
-    /// Thin sheet: reflects and passes straight, between equal media.
-    Thin(thin::Thin),
-}
-
 /// A mixture of weighted lobes between two media. Weights are at most 1 in sum; what is missing is absorbed.
+///
+/// All lobes of a label act as one: whichever of them generated the direction, value, density and label probability are
+/// sums over all, so they depend on the directions and the label alone.
 #[derive(Clone, Debug)]
 pub struct Bsdf {
     /// (weight, lobe); the selection probability of a lobe is its weight over the sum.
     pub lobes: ArrayVec<(f32, Lobe), 4>,
     /// Refractive indices of the two sides.
     pub interface: Interface,
-}
-
-impl Lobe {
-    /// Whether the lobe scatters into exact directions only.
-    #[must_use]
-    pub fn is_specular(&self) -> bool {
-        matches!(self, Self::Mirror(_) | Self::Dielectric(_) | Self::Thin(_))
-    }
-
-    fn eval(&self, w_light: DVec3, w_camera: DVec3, interface: &Interface) -> Option<BsdfEval> {
-        match self {
-            Self::Diffuse(lobe) => lobe.eval(w_light, w_camera, interface),
-            Self::Conductor(lobe) => lobe.eval(w_light, w_camera, interface),
-            Self::RoughDielectric(lobe) => lobe.eval(w_light, w_camera, interface),
-            Self::Mirror(_) | Self::Dielectric(_) | Self::Thin(_) => None,
-        }
-    }
-
-    /// Probability of `label` once the lobe is chosen, for a direction at cosine `cos` on the side `above`.
-    fn label_probability(&self, label: Label, cos: f64, above: bool, interface: &Interface) -> f64 {
-        let reflect = match self {
-            Self::Diffuse(_) | Self::Conductor(_) | Self::RoughDielectric(_) => {
-                return if label == Label::NonSpecular {
-                    1.0
-                } else {
-                    0.0
-                };
-            }
-            Self::Mirror(_) => 1.0,
-            Self::Dielectric(_) => interface.mean_reflectance(cos, above),
-            Self::Thin(lobe) => {
-                let lane = |k| lobe.lane_reflectance(k, cos, above, interface);
-                (0..interface.count).map(lane).sum::<f64>() / interface.count as f64
-            }
-        };
-        match label {
-            Label::NonSpecular => 0.0,
-            Label::SpecularReflect => reflect,
-            Label::SpecularTransmit => 1.0 - reflect,
-        }
-    }
-
-    /// Reflectance or transmittance of a specular label, tint included.
-    fn specular(
-        &self,
-        label: Label,
-        cos: f64,
-        above: bool,
-        interface: &Interface,
-    ) -> SampledSpectrum {
-        match (label, self) {
-            (Label::SpecularReflect, Self::Mirror(lobe)) => lobe.reflectance(cos, above, interface),
-            (Label::SpecularReflect, Self::Dielectric(lobe)) => {
-                lobe.reflectance(cos, above, interface)
-            }
-            (Label::SpecularReflect, Self::Thin(lobe)) => {
-                interface.lanes(|k| lobe.lane_reflectance(k, cos, above, interface))
-            }
-            (Label::SpecularTransmit, Self::Dielectric(lobe)) => {
-                lobe.transmittance(cos, above, interface)
-            }
-            (Label::SpecularTransmit, Self::Thin(lobe)) => {
-                lobe.transmittance(cos, above, interface)
-            }
-            _ => SampledSpectrum::ZERO,
-        }
-    }
 }
 
 impl Bsdf {
@@ -368,7 +242,7 @@ impl Bsdf {
         };
         let w = match lobe {
             Lobe::Diffuse(_) => diffuse::Diffuse::generate([u[1], u[2]]),
-            Lobe::Conductor(lobe) => lobe.generate(up, [u[1], u[2]]),
+            Lobe::Conductor(lobe) => lobe.generate(up, [u[1], u[2]])?,
             Lobe::RoughDielectric(lobe) => {
                 lobe.generate(up, &self.interface, [rest, u[1], u[2]], above)?
             }

@@ -1,7 +1,10 @@
 //! Sensors: where camera sub-paths begin and where light paths are measured.
 //!
 //! Raster coordinates are in pixels, (0, 0) the top left corner of the film, x to the right, y down. `W_e` averages over the
-//! whole film (pixel value = film integral over the pixel × number of pixels).
+//! whole film (pixel value = film integral over the pixel × number of pixels). Raster positions outside the film by a
+//! filter radius are as good as those inside: densities continue there.
+//!
+//! `W_e` and densities follow Veach 1997, section 8.3, and Pharr, Jakob and Humphreys 2016, section 16.1.
 
 pub mod detector;
 pub mod orthographic;
@@ -9,6 +12,7 @@ pub mod perspective;
 
 use crate::geometry::{DirectionalDensity, EndPoint, SurfacePoint, Transform};
 use glam::{DVec2, DVec3};
+use std::f64::consts::TAU;
 
 /// Film size in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +21,35 @@ pub struct Resolution {
     pub width: u32,
     /// Rows.
     pub height: u32,
+}
+
+impl Resolution {
+    /// Columns and rows as numbers.
+    #[must_use]
+    pub fn size(self) -> DVec2 {
+        DVec2::new(f64::from(self.width), f64::from(self.height))
+    }
+
+    /// Width over height.
+    #[must_use]
+    pub fn aspect(self) -> f64 {
+        f64::from(self.width) / f64::from(self.height)
+    }
+
+    /// From raster coordinates to -1..1 over the film, x to the right and y up.
+    fn to_unit(self, raster: DVec2) -> DVec2 {
+        (2.0 * raster / self.size() - 1.0) * DVec2::new(1.0, -1.0)
+    }
+
+    /// The inverse of `to_unit`.
+    fn from_unit(self, unit: DVec2) -> DVec2 {
+        (unit * DVec2::new(1.0, -1.0) + 1.0) * 0.5 * self.size()
+    }
+
+    /// Whether a raster position lies on the film widened by `margin` pixels.
+    fn contains(self, raster: DVec2, margin: f64) -> bool {
+        raster.cmpge(DVec2::splat(-margin)).all() && raster.cmple(self.size() + margin).all()
+    }
 }
 
 /// The start of a camera sub-path with its first direction.
@@ -63,44 +96,84 @@ pub enum Camera {
     Detector(detector::Detector),
 }
 
-#[allow(unused_variables)]
 impl Camera {
     /// Film size in pixels.
     #[must_use]
     pub fn resolution(&self) -> Resolution {
-        todo!()
+        match self {
+            Self::Perspective(camera) => camera.resolution(),
+            Self::Orthographic(camera) => camera.resolution(),
+            Self::Detector(detector) => detector.resolution,
+        }
     }
 
-    /// Where the camera is over the shutter.
+    /// Where the camera is over the shutter (for a detector: the map of the square -1..1 to its surface).
     #[must_use]
     pub fn transform(&self) -> &Transform {
-        todo!()
+        match self {
+            Self::Perspective(camera) => camera.transform(),
+            Self::Orthographic(camera) => camera.transform(),
+            Self::Detector(detector) => &detector.transform,
+        }
     }
 
-    /// Starts a camera sub-path at a raster position.
+    /// Starts a camera sub-path at a raster position. `u_lens` chooses the lens point, or a detector's direction.
     #[must_use]
     pub fn sample_ray(&self, raster: DVec2, u_lens: DVec2, time: f64) -> CameraSample {
-        todo!()
+        match self {
+            Self::Perspective(camera) => camera.sample_ray(raster, u_lens, time),
+            Self::Orthographic(camera) => camera.sample_ray(raster, time),
+            Self::Detector(detector) => detector.sample_ray(raster, u_lens, time),
+        }
     }
 
     /// Connects a point to the sensor, with a lens or detector point chosen by `u_lens`. `margin` (pixels) widens the film by
-    /// the filter's reach. `None` where the point is not seen.
+    /// the filter's reach (a detector is never wider than its surface). `None` where the point is not seen.
     #[must_use]
-    pub fn sample_connection(&self, x: DVec3, u_lens: DVec2, time: f64, margin: f64) -> Option<SensorConnection> {
-        todo!()
+    pub fn sample_connection(
+        &self,
+        x: DVec3,
+        u_lens: DVec2,
+        time: f64,
+        margin: f64,
+    ) -> Option<SensorConnection> {
+        match self {
+            Self::Perspective(camera) => camera.sample_connection(x, u_lens, time, margin),
+            Self::Orthographic(camera) => camera.sample_connection(x, time, margin),
+            Self::Detector(detector) => detector.sample_connection(x, u_lens, time),
+        }
     }
 
-    /// Density of `xk` and of leaving it in unit `direction` (into the scene); (0, SolidAngle(0)) outside the film.
+    /// Density of `xk` (a point of this sensor) and of leaving it in unit `direction` (into the scene). The density of
+    /// the direction is 0 behind the sensor; it continues outside the film.
     #[must_use]
-    pub fn density(&self, xk: &EndPoint, direction: DVec3, time: f64) -> (f64, DirectionalDensity) {
-        todo!()
+    pub fn density(
+        &self,
+        _xk: &EndPoint,
+        direction: DVec3,
+        time: f64,
+    ) -> (f64, DirectionalDensity) {
+        match self {
+            Self::Perspective(camera) => camera.density(direction, time),
+            Self::Orthographic(camera) => camera.density(),
+            Self::Detector(detector) => detector.density(direction, time),
+        }
     }
 
-    /// A light path that hits the sensor (t = 0): raster position and `W_e` (1/A_det) where `toward_scene` (unit, back along
-    /// the arriving ray) is on the accepting side. `None` for every sensor but a detector.
+    /// A light path that hits the sensor (t = 0) at `time`: raster position and `W_e` (1/A_det) where `toward_scene`
+    /// (unit, back along the arriving ray) is on the accepting side. `None` for every sensor but a detector, and for
+    /// points of other surfaces.
     #[must_use]
-    pub fn arrive(&self, point: &SurfacePoint, toward_scene: DVec3) -> Option<(DVec2, f64)> {
-        todo!()
+    pub fn arrive(
+        &self,
+        point: &SurfacePoint,
+        toward_scene: DVec3,
+        time: f64,
+    ) -> Option<(DVec2, f64)> {
+        match self {
+            Self::Detector(detector) => detector.arrive(point, toward_scene, time),
+            Self::Perspective(_) | Self::Orthographic(_) => None,
+        }
     }
 
     /// Whether light paths can hit it (detector).
@@ -112,6 +185,21 @@ impl Camera {
     /// Whether its position is a single point or direction per pixel (pinhole, orthographic).
     #[must_use]
     pub fn is_delta(&self) -> bool {
-        todo!()
+        match self {
+            Self::Perspective(camera) => camera.lens().is_none(),
+            Self::Orthographic(_) => true,
+            Self::Detector(_) => false,
+        }
     }
 }
+
+fn unit_disk(u: DVec2) -> DVec2 {
+    u.x.sqrt() * DVec2::from_angle(TAU * u.y)
+}
+
+fn cosine_hemisphere(u: DVec2) -> DVec3 {
+    unit_disk(u).extend((1.0 - u.x).sqrt())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,4 +1,176 @@
-//! placeholder
-/// H4
-#[derive(Clone, Debug)]
-pub struct Perspective;
+//! Pinhole and thin-lens cameras.
+//!
+//! The camera looks along the -z axis of its own space, +x to the right and +y up. The film is measured on the plane
+//! at unit distance, where it has area `A_film`. A thin lens of focus distance f sends a raster position from every
+//! lens point through one point of the plane at distance f; the film's image there has area f² `A_film`, and the lens
+//! point sees it at distance f/cosθ. So the density of directions is 1/(`A_film` cos³θ) for both, with θ the angle of
+//! the ray itself, and `W_e` = 1/(`A_film` `A_lens` cos⁴θ) gives every camera path weight 1.
+
+use super::{CameraSample, Resolution, SensorConnection, unit_disk};
+use crate::geometry::{DirectionalDensity, EndPoint, Transform};
+use glam::{DVec2, DVec3};
+use std::f64::consts::PI;
+
+/// A lens of finite aperture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThinLens {
+    /// Radius of the aperture in metres, > 0.
+    pub radius_m: f64,
+    /// Distance of the plane in focus along the axis, metres, > 0.
+    pub focus_distance_m: f64,
+}
+
+/// A perspective camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Perspective {
+    transform: Transform,
+    resolution: Resolution,
+    /// Half width and half height of the film at unit distance.
+    half_film: DVec2,
+    lens: Option<ThinLens>,
+}
+
+impl Perspective {
+    /// A camera with the full vertical field of view `fov_y_rad` (0 < fov < π) placed by a rigid motion; square pixels.
+    /// Without a lens it is a pinhole.
+    #[must_use]
+    pub fn new(
+        transform: Transform,
+        resolution: Resolution,
+        fov_y_rad: f64,
+        lens: Option<ThinLens>,
+    ) -> Self {
+        let half_height = (0.5 * fov_y_rad).tan();
+        let half_film = DVec2::new(half_height * resolution.aspect(), half_height);
+        Self {
+            transform,
+            resolution,
+            half_film,
+            lens,
+        }
+    }
+
+    /// The lens, if it is not a pinhole.
+    #[must_use]
+    pub fn lens(&self) -> Option<ThinLens> {
+        self.lens
+    }
+
+    pub(super) fn resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    pub(super) fn transform(&self) -> &Transform {
+        &self.transform
+    }
+
+    /// Area of the film at unit distance.
+    fn film_area(&self) -> f64 {
+        4.0 * self.half_film.x * self.half_film.y
+    }
+
+    /// Density of a lens point: per area, or 1 for a pinhole.
+    fn lens_density(&self) -> f64 {
+        self.lens
+            .map_or(1.0, |lens| 1.0 / (PI * lens.radius_m * lens.radius_m))
+    }
+
+    fn lens_point(&self, u: DVec2) -> DVec2 {
+        self.lens
+            .map_or(DVec2::ZERO, |lens| lens.radius_m * unit_disk(u))
+    }
+
+    fn focus_distance(&self) -> f64 {
+        // a pinhole has everything in focus
+        self.lens.map_or(1.0, |lens| lens.focus_distance_m)
+    }
+
+    fn end_point(&self, lens_point: DVec2, time: f64) -> EndPoint {
+        let placement = self.transform.at(time);
+        let n = if self.lens.is_some() {
+            placement
+                .to_world
+                .transform_vector3(DVec3::NEG_Z)
+                .normalize()
+        } else {
+            DVec3::ZERO
+        };
+        let p = placement.to_world.transform_point3(lens_point.extend(0.0));
+        EndPoint {
+            p,
+            n,
+            surface: None,
+            infinite: false,
+        }
+    }
+
+    fn direction_density(&self, cos: f64) -> f64 {
+        if cos > 0.0 {
+            1.0 / (self.film_area() * cos * cos * cos)
+        } else {
+            0.0
+        }
+    }
+
+    pub(super) fn sample_ray(&self, raster: DVec2, u_lens: DVec2, time: f64) -> CameraSample {
+        let on_film = self.resolution.to_unit(raster) * self.half_film;
+        let lens_point = self.lens_point(u_lens);
+        let local =
+            (on_film.extend(-1.0) * self.focus_distance() - lens_point.extend(0.0)).normalize();
+        CameraSample {
+            xk: self.end_point(lens_point, time),
+            direction: self
+                .transform
+                .at(time)
+                .to_world
+                .transform_vector3(local)
+                .normalize(),
+            pdf_xk: self.lens_density(),
+            pdf_direction: DirectionalDensity::SolidAngle(self.direction_density(-local.z)),
+            weight: 1.0,
+        }
+    }
+
+    pub(super) fn sample_connection(
+        &self,
+        x: DVec3,
+        u_lens: DVec2,
+        time: f64,
+        margin: f64,
+    ) -> Option<SensorConnection> {
+        let lens_point = self.lens_point(u_lens);
+        let local = self.transform.at(time).to_object.transform_point3(x) - lens_point.extend(0.0);
+        if local.z >= 0.0 {
+            return None;
+        }
+        let on_film = (lens_point + local.truncate() * (self.focus_distance() / -local.z))
+            / self.focus_distance();
+        let raster = self.resolution.from_unit(on_film / self.half_film);
+        if !self.resolution.contains(raster, margin) {
+            return None;
+        }
+        let xk = self.end_point(lens_point, time);
+        let distance = xk.p.distance(x);
+        let cos = -local.z / local.length();
+        Some(SensorConnection {
+            xk,
+            toward: (xk.p - x) / distance,
+            distance,
+            pdf_xk: self.lens_density(),
+            raster,
+            // W_e cosθ/(d² pdf): the lens area cancels
+            importance: self.direction_density(cos) / (distance * distance),
+        })
+    }
+
+    pub(super) fn density(&self, direction: DVec3, time: f64) -> (f64, DirectionalDensity) {
+        let axis = self
+            .transform
+            .at(time)
+            .to_world
+            .transform_vector3(DVec3::NEG_Z)
+            .normalize();
+        let pdf = self.direction_density(axis.dot(direction));
+        (self.lens_density(), DirectionalDensity::SolidAngle(pdf))
+    }
+}

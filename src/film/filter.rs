@@ -1,4 +1,188 @@
-//! placeholder
-/// H4
-#[derive(Clone, Debug)]
-pub struct Filter;
+//! Reconstruction filters.
+//!
+//! A filter is a density over the offset from a pixel's centre, in pixels, that integrates to 1. Camera samples are
+//! drawn from it and count with weight 1; splats are multiplied by it. None is negative, so weights stay a partition of
+//! unity and images have no negative ringing.
+
+use glam::DVec2;
+use std::f64::consts::TAU;
+
+/// A non-negative, normalized pixel filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Filter {
+    /// The pixel itself.
+    Box,
+    /// A product of two triangles.
+    Tent {
+        /// Half the base, in pixels, > 0.
+        radius: f64,
+    },
+    /// A round Gaussian, cut off at `radius`.
+    Gaussian {
+        /// Standard deviation in pixels, > 0.
+        sigma: f64,
+        /// Reach in pixels, > 0.
+        radius: f64,
+    },
+}
+
+impl Default for Filter {
+    /// A Gaussian of half a pixel, cut off where it has fallen to 1.1 %.
+    fn default() -> Self {
+        Self::Gaussian {
+            sigma: 0.5,
+            radius: 1.5,
+        }
+    }
+}
+
+impl Filter {
+    /// Largest offset in x or y with a value, in pixels.
+    #[must_use]
+    pub fn radius(&self) -> f64 {
+        match *self {
+            Self::Box => 0.5,
+            Self::Tent { radius } | Self::Gaussian { radius, .. } => radius,
+        }
+    }
+
+    /// How far outside the film a splat still reaches a pixel, in pixels.
+    #[must_use]
+    pub fn margin(&self) -> f64 {
+        (self.radius() - 0.5).max(0.0)
+    }
+
+    /// Density per pixel area at an offset from the pixel's centre.
+    #[must_use]
+    pub fn eval(&self, offset: DVec2) -> f64 {
+        match *self {
+            Self::Box => {
+                if offset.abs().max_element() <= 0.5 {
+                    1.0
+                } else {
+                    0.0
+                }
+            }
+            Self::Tent { radius } => {
+                let side = (1.0 - offset.abs() / radius).max(DVec2::ZERO) / radius;
+                side.x * side.y
+            }
+            Self::Gaussian { sigma, radius } => {
+                let r2 = offset.length_squared();
+                if r2 > radius * radius {
+                    return 0.0;
+                }
+                let variance = sigma * sigma;
+                (-0.5 * r2 / variance).exp() / (TAU * variance * gaussian_mass(sigma, radius))
+            }
+        }
+    }
+
+    /// An offset drawn from the filter, `u` in [0,1)².
+    #[must_use]
+    pub fn sample(&self, u: DVec2) -> DVec2 {
+        match *self {
+            Self::Box => u - 0.5,
+            Self::Tent { radius } => {
+                let side = |u: f64| {
+                    if u < 0.5 {
+                        (2.0 * u).sqrt() - 1.0
+                    } else {
+                        1.0 - (2.0 - 2.0 * u).sqrt()
+                    }
+                };
+                radius * DVec2::new(side(u.x), side(u.y))
+            }
+            Self::Gaussian { sigma, radius } => {
+                // Box and Muller 1958, with the distance's distribution cut off
+                let r = sigma * (-2.0 * (-u.x * gaussian_mass(sigma, radius)).ln_1p()).sqrt();
+                r * DVec2::from_angle(TAU * u.y)
+            }
+        }
+    }
+}
+
+/// Share of a round Gaussian within `radius`.
+fn gaussian_mass(sigma: f64, radius: f64) -> f64 {
+    -(-0.5 * (radius / sigma).powi(2)).exp_m1()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hash::{random_bits, unit_f64};
+    use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+    const FILTERS: [Filter; 5] = [
+        Filter::Box,
+        Filter::Tent { radius: 1.0 },
+        Filter::Tent { radius: 2.3 },
+        Filter::Gaussian {
+            sigma: 0.5,
+            radius: 1.5,
+        },
+        Filter::Gaussian {
+            sigma: 1.0,
+            radius: 1.0,
+        },
+    ];
+
+    /// Integral of the filter over a rectangle, midpoint rule.
+    fn integral(filter: &Filter, low: DVec2, size: DVec2, cells: usize) -> f64 {
+        let step = size / cells as f64;
+        let mut sum = 0.0;
+        for y in 0..cells {
+            for x in 0..cells {
+                sum += filter.eval(low + step * (DVec2::new(x as f64, y as f64) + 0.5));
+            }
+        }
+        sum * step.x * step.y
+    }
+
+    #[test]
+    fn integrates_to_one() {
+        for filter in FILTERS {
+            let r = filter.radius();
+            let total = integral(&filter, DVec2::splat(-r), DVec2::splat(2.0 * r), 2000);
+            // the cut-off circle of the wide Gaussian limits the midpoint rule
+            assert!((total - 1.0).abs() < 1e-4, "{filter:?}: {total}");
+        }
+    }
+
+    #[test]
+    fn samples_follow_the_density() {
+        const CELLS: usize = 10;
+        let samples = 200_000_u64;
+        for (k, filter) in FILTERS.into_iter().enumerate() {
+            let r = filter.radius();
+            let mut counts = [0.0_f64; CELLS * CELLS];
+            for i in 0..samples {
+                let u = |j| unit_f64(random_bits(17 + k as u64, 2 * i + j));
+                let offset = filter.sample(DVec2::new(u(0), u(1)));
+                let cell = (offset + r) / (2.0 * r) * CELLS as f64;
+                assert!(filter.eval(offset) > 0.0);
+                counts[cell.y as usize * CELLS + cell.x as usize] += 1.0;
+            }
+            let width = DVec2::splat(2.0 * r / CELLS as f64);
+            let (mut statistic, mut used) = (0.0, 0);
+            for (i, count) in counts.iter().enumerate() {
+                let low = DVec2::new((i % CELLS) as f64, (i / CELLS) as f64) * width - r;
+                let expected = integral(&filter, low, width, 200) * samples as f64;
+                if expected >= 10.0 {
+                    statistic += (count - expected).powi(2) / expected;
+                    used += 1;
+                }
+            }
+            let chi = ChiSquared::new(f64::from(used - 1)).unwrap();
+            let p = 1.0 - chi.cdf(statistic);
+            assert!(p > 1e-4, "{filter:?}: p = {p}, seed {}", 17 + k);
+        }
+    }
+
+    #[test]
+    fn margin_is_the_reach_beyond_the_film() {
+        assert_eq!(Filter::Box.margin(), 0.0);
+        assert_eq!(Filter::Tent { radius: 2.0 }.margin(), 1.5);
+        assert_eq!(Filter::Tent { radius: 0.25 }.margin(), 0.0);
+    }
+}

@@ -1,4 +1,185 @@
-//! placeholder
-/// H4
-#[derive(Clone, Debug)]
-pub struct SensorResponse;
+//! From the lanes of a path to the channels of a film.
+//!
+//! A lane's contribution already holds the average over lanes (its weights count the lanes that reach it), so channels
+//! sum over lanes with no further factor but the density of the wavelength: a probability at an emission line, per
+//! nanometre elsewhere.
+
+use crate::spectrum::{SampledWavelengths, xyz};
+
+/// Integral of ȳ (CIE 1931, 2°) over 360..830 nm at 1 nm, in nanometres.
+pub const Y_INTEGRAL_NM: f64 = 106.856_895;
+
+/// Luminous efficacy of 540 THz, lm/W (SI definition of the candela).
+pub const MAX_EFFICACY_LM_PER_W: f64 = 683.0;
+
+/// What the channels of a film measure.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SensorResponse {
+    /// CIE XYZ, scaled so that a constant unit spectrum has Y = 1.
+    Xyz,
+    /// CIE XYZ in photometric units: Y in lm per unit of power (cd/m² from radiance, lx from irradiance).
+    Photometric,
+    /// Power by wavelength.
+    Spectral(SpectralChannels),
+}
+
+/// Equal bins for the continuous part of spectra, then one channel for each emission line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpectralChannels {
+    range_nm: [f64; 2],
+    bins: usize,
+    lines_nm: Vec<f64>,
+}
+
+impl SpectralChannels {
+    /// `bins` equal bins over `range_nm` (mean per nanometre in each) and a channel (power) for each of `lines_nm`.
+    #[must_use]
+    pub fn new(range_nm: [f64; 2], bins: usize, mut lines_nm: Vec<f64>) -> Self {
+        lines_nm.sort_by(f64::total_cmp);
+        lines_nm.dedup();
+        Self {
+            range_nm,
+            bins,
+            lines_nm,
+        }
+    }
+
+    /// Centres of the bins, in nanometres.
+    pub fn bin_centers_nm(&self) -> impl Iterator<Item = f64> {
+        let (start, width) = (self.range_nm[0], self.bin_width_nm());
+        (0..self.bins).map(move |i| start + (i as f64 + 0.5) * width)
+    }
+
+    /// Wavelengths of the line channels, ascending; their channels follow the bins.
+    #[must_use]
+    pub fn lines_nm(&self) -> &[f64] {
+        &self.lines_nm
+    }
+
+    /// Width of a bin in nanometres.
+    #[must_use]
+    pub fn bin_width_nm(&self) -> f64 {
+        (self.range_nm[1] - self.range_nm[0]) / self.bins as f64
+    }
+
+    /// The channel of a wavelength and its width (1 for a line). `None` outside the range or for an unknown line.
+    fn channel(&self, lambda_nm: f64, is_line: bool) -> Option<(usize, f64)> {
+        if is_line {
+            let line = self
+                .lines_nm
+                .binary_search_by(|l| l.total_cmp(&lambda_nm))
+                .ok()?;
+            return Some((self.bins + line, 1.0));
+        }
+        let [start, end] = self.range_nm;
+        if self.bins == 0 || !(start..=end).contains(&lambda_nm) {
+            return None;
+        }
+        let width = self.bin_width_nm();
+        Some((
+            ((lambda_nm - start) / width).min(self.bins as f64 - 1.0) as usize,
+            width,
+        ))
+    }
+}
+
+impl SensorResponse {
+    /// Number of channels.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        match self {
+            Self::Xyz | Self::Photometric => 3,
+            Self::Spectral(spectral) => spectral.bins + spectral.lines_nm.len(),
+        }
+    }
+
+    /// Adds a path's contributions, one per lane in use, to the channels.
+    pub fn add(
+        &self,
+        wavelengths: &SampledWavelengths,
+        contributions: &[f64],
+        channels: &mut [f64],
+    ) {
+        for (lane, &contribution) in contributions.iter().enumerate().take(wavelengths.count()) {
+            self.add_one(
+                wavelengths.lambda_nm(lane),
+                wavelengths.is_line(lane),
+                contribution / wavelengths.pdf(lane),
+                channels,
+            );
+        }
+    }
+
+    /// What a unit contribution in one lane adds to the mean of the channels: for comparing contributions with each other.
+    #[must_use]
+    pub fn brightness(&self, wavelengths: &SampledWavelengths, lane: usize) -> f64 {
+        match self {
+            Self::Xyz | Self::Photometric => {
+                let mut channels = [0.0; 3];
+                self.add_one(
+                    wavelengths.lambda_nm(lane),
+                    wavelengths.is_line(lane),
+                    1.0 / wavelengths.pdf(lane),
+                    &mut channels,
+                );
+                channels.iter().sum::<f64>() / 3.0
+            }
+            Self::Spectral(_) => 1.0 / wavelengths.pdf(lane),
+        }
+    }
+
+    /// Adds an estimate of the spectrum's integral that was made at one wavelength.
+    fn add_one(&self, lambda_nm: f64, is_line: bool, value: f64, channels: &mut [f64]) {
+        let scale = match self {
+            Self::Xyz => 1.0 / Y_INTEGRAL_NM,
+            Self::Photometric => MAX_EFFICACY_LM_PER_W,
+            Self::Spectral(spectral) => {
+                if let Some((channel, width)) = spectral.channel(lambda_nm, is_line) {
+                    channels[channel] += value / width;
+                }
+                return;
+            }
+        };
+        for (channel, matching) in channels.iter_mut().zip(xyz::cmf(lambda_nm)) {
+            *channel += scale * matching * value;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn constant_unit_spectrum_reads_one() {
+        let (mut relative, mut photometric) = ([0.0; 3], [0.0; 3]);
+        // the rectangle sum over the table, each wavelength standing for 1 nm
+        for nm in 360..=830 {
+            SensorResponse::Xyz.add_one(f64::from(nm), false, 1.0, &mut relative);
+            SensorResponse::Photometric.add_one(f64::from(nm), false, 1.0, &mut photometric);
+        }
+        assert!((relative[1] - 1.0).abs() < 1e-6, "{relative:?}");
+        // an equal-energy stimulus is white within 4 digits
+        assert!((relative[0] - 1.0).abs() < 1e-3 && (relative[2] - 1.0).abs() < 1e-3);
+        assert!((photometric[1] - 683.0 * 106.856_895).abs() < 0.1);
+    }
+
+    #[test]
+    fn bins_and_lines_have_channels_of_their_own() {
+        let spectral = SpectralChannels::new([400.0, 700.0], 3, vec![589.0, 546.1, 589.0]);
+        let centers: Vec<f64> = spectral.bin_centers_nm().collect();
+        assert_eq!(centers, [450.0, 550.0, 650.0]);
+        assert_eq!(spectral.lines_nm(), [546.1, 589.0]);
+        let response = SensorResponse::Spectral(spectral);
+        assert_eq!(response.channels(), 5);
+        let mut out = [0.0; 5];
+        response.add_one(400.0, false, 100.0, &mut out);
+        response.add_one(550.0, false, 200.0, &mut out);
+        response.add_one(700.0, false, 300.0, &mut out);
+        response.add_one(700.1, false, 1e9, &mut out);
+        response.add_one(546.1, true, 5.0, &mut out);
+        response.add_one(546.1, false, 100.0, &mut out);
+        response.add_one(600.0, true, 1e9, &mut out);
+        assert_eq!(out, [1.0, 3.0, 3.0, 5.0, 0.0]);
+    }
+}

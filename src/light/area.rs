@@ -40,7 +40,11 @@ impl AreaLight {
     /// Cosine towards `direction` (away from the light) where that side emits, else 0.
     pub(super) fn emitting_cos(&self, ng: DVec3, direction: DVec3) -> f64 {
         let cos = ng.dot(direction);
-        if self.two_sided { cos.abs() } else { cos.max(0.0) }
+        if self.two_sided {
+            cos.abs()
+        } else {
+            cos.max(0.0)
+        }
     }
 
     pub(super) fn sample_emission(
@@ -50,11 +54,14 @@ impl AreaLight {
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        let sample =
-            self.geometry(context).sample_area(self.instance, context.time, u_face, u_pos);
+        let sample = self
+            .geometry(context)
+            .sample_area(self.instance, context.time, u_face, u_pos);
         let (side, u_dir) = self.choose_side(u_dir);
         let local = cosine_hemisphere(u_dir);
-        let direction = Frame::from_z(sample.point.ng * side).to_outer(local).normalize();
+        let direction = Frame::from_z(sample.point.ng * side)
+            .to_outer(local)
+            .normalize();
         let pdf_direction = self.direction_density(sample.point.ng, direction);
         (sample.pdf_a > 0.0 && pdf_direction > 0.0).then(|| EmissionSample {
             x0: end_point(&sample.point),
@@ -89,12 +96,23 @@ impl AreaLight {
         direction: DVec3,
     ) -> (f64, DirectionalDensity) {
         let pdf = self.direction_density(x0.n, direction);
-        (self.area_density(context, x0), DirectionalDensity::SolidAngle(pdf))
+        (
+            self.area_density(context, x0),
+            DirectionalDensity::SolidAngle(pdf),
+        )
     }
 
     fn area_density(&self, context: &LightContext, x0: &EndPoint) -> f64 {
-        let Some(id) = x0.surface.filter(|s| s.instance == self.instance) else { return 0.0 };
-        let point = SurfacePoint { p: x0.p, ng: x0.n, ns: x0.n, uv: DVec2::ZERO, id };
+        let Some(id) = x0.surface.filter(|s| s.instance == self.instance) else {
+            return 0.0;
+        };
+        let point = SurfacePoint {
+            p: x0.p,
+            ng: x0.n,
+            ns: x0.n,
+            uv: DVec2::ZERO,
+            id,
+        };
         self.geometry(context).pdf_area(&point, context.time)
     }
 
@@ -105,7 +123,9 @@ impl AreaLight {
         u_face: f64,
         u: DVec2,
     ) -> Option<DirectSample> {
-        let sample = self.geometry(context).sample_area(self.instance, context.time, u_face, u);
+        let sample = self
+            .geometry(context)
+            .sample_area(self.instance, context.time, u_face, u);
         let (toward, distance) = unit_from_to(x1, sample.point.p)?;
         let cos = self.emitting_cos(sample.point.ng, -toward);
         (sample.pdf_a > 0.0 && cos > 0.0).then(|| DirectSample {
@@ -117,16 +137,20 @@ impl AreaLight {
         })
     }
 
-    pub(super) fn direct_density(
-        &self,
-        context: &LightContext,
-        x1: DVec3,
-        x0: &EndPoint,
-    ) -> f64 {
-        if self.emitting_cos(x0.n, x1 - x0.p) > 0.0 { self.area_density(context, x0) } else { 0.0 }
+    pub(super) fn direct_density(&self, context: &LightContext, x1: DVec3, x0: &EndPoint) -> f64 {
+        if self.emitting_cos(x0.n, x1 - x0.p) > 0.0 {
+            self.area_density(context, x0)
+        } else {
+            0.0
+        }
     }
 }
 
 fn end_point(point: &SurfacePoint) -> EndPoint {
-    EndPoint { p: point.p, n: point.ng, surface: Some(point.id), infinite: false }
+    EndPoint {
+        p: point.p,
+        n: point.ng,
+        surface: Some(point.id),
+        infinite: false,
+    }
 }

@@ -24,7 +24,11 @@ impl BeamLight {
     /// length).
     #[must_use]
     pub fn aimed(position: DVec3, direction: DVec3, irradiance: Emission, radius_m: f64) -> Self {
-        Self { transform: posed(position, direction), irradiance, radius_m }
+        Self {
+            transform: posed(position, direction),
+            irradiance,
+            radius_m,
+        }
     }
 
     /// Area of the aperture, m²: the flux per unit irradiance.
@@ -79,22 +83,39 @@ mod tests {
             let s = light.sample_emission(0.0, u);
             assert!((s.origin - position).length() <= 0.01 + 1e-15);
             assert!((s.origin - position).dot(s.direction).abs() < 1e-15);
-            assert_eq!(s.pdf_direction, DirectionalDensity::Perpendicular(1.0 / light.area()));
-            let direct = light.sample_direct(0.0, s.origin + 3.0 * s.direction).unwrap();
+            assert_eq!(
+                s.pdf_direction,
+                DirectionalDensity::Perpendicular(1.0 / light.area())
+            );
+            let direct = light
+                .sample_direct(0.0, s.origin + 3.0 * s.direction)
+                .unwrap();
             assert!((direct.x0.p - s.origin).length() < 1e-14);
             assert!((direct.distance - 3.0).abs() < 1e-14);
             assert_eq!(direct.value[0], 1.0);
             assert_eq!(direct.x0.cos(s.direction), 1.0);
             // behind the aperture it is dark
-            assert!(light.sample_direct(0.0, s.origin - 1e-3 * s.direction).is_none());
+            assert!(
+                light
+                    .sample_direct(0.0, s.origin - 1e-3 * s.direction)
+                    .is_none()
+            );
         }
     }
 
     #[test]
     fn dark_beside_the_aperture() {
         let light = BeamLight::aimed(DVec3::ZERO, DVec3::Z, Emission::default(), 0.5);
-        assert!(light.sample_direct(0.0, DVec3::new(0.0, 0.51, 1.0)).is_none());
-        assert!(light.sample_direct(0.0, DVec3::new(0.0, 0.49, 1.0)).is_some());
+        assert!(
+            light
+                .sample_direct(0.0, DVec3::new(0.0, 0.51, 1.0))
+                .is_none()
+        );
+        assert!(
+            light
+                .sample_direct(0.0, DVec3::new(0.0, 0.49, 1.0))
+                .is_some()
+        );
         let s = light.sample_emission(0.0, DVec2::new(0.3, 0.4));
         assert!((f64::from(s.weight[0]) - PI * 0.25).abs() < 1e-6);
     }

@@ -2,7 +2,9 @@
 //!
 //! Emission starts on a disc of the bounding sphere's radius, outside the scene and normal to the light.
 
-use super::{DirectSample, EmissionSample, LightContext, factor, far_disk_origin, placed_axis, posed};
+use super::{
+    DirectSample, EmissionSample, LightContext, factor, far_disk_origin, placed_axis, posed,
+};
 use crate::geometry::{DirectionalDensity, EndPoint, Transform};
 use crate::spectrum::Emission;
 use glam::{DVec2, DVec3};
@@ -21,12 +23,20 @@ impl DirectionalLight {
     /// Light at rest that travels along `direction` (any non-zero length).
     #[must_use]
     pub fn along(direction: DVec3, irradiance: Emission) -> Self {
-        Self { transform: posed(DVec3::ZERO, direction), irradiance }
+        Self {
+            transform: posed(DVec3::ZERO, direction),
+            irradiance,
+        }
     }
 
     fn end(&self, time: f64) -> EndPoint {
         let n = placed_axis(&self.transform, time);
-        EndPoint { p: DVec3::ZERO, n, surface: None, infinite: true }
+        EndPoint {
+            p: DVec3::ZERO,
+            n,
+            surface: None,
+            infinite: true,
+        }
     }
 
     /// Flux through the scene's bounding sphere per unit irradiance.
@@ -53,6 +63,12 @@ impl DirectionalLight {
 
     pub(super) fn sample_direct(&self, time: f64) -> DirectSample {
         let x0 = self.end(time);
-        DirectSample { x0, toward: -x0.n, distance: f64::INFINITY, pdf: 1.0, value: factor(1.0) }
+        DirectSample {
+            x0,
+            toward: -x0.n,
+            distance: f64::INFINITY,
+            pdf: 1.0,
+            value: factor(1.0),
+        }
     }
 }

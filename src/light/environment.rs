@@ -59,5 +59,10 @@ impl EnvironmentLight {
 }
 
 fn end(direction: DVec3) -> EndPoint {
-    EndPoint { p: DVec3::ZERO, n: direction, surface: None, infinite: true }
+    EndPoint {
+        p: DVec3::ZERO,
+        n: direction,
+        surface: None,
+        infinite: true,
+    }
 }

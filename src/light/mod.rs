@@ -181,12 +181,14 @@ impl Light {
         match self {
             Self::Area(light) => light.emission_density(context, x0, direction),
             Self::Point(_) => (1.0, SolidAngle(point::PointLight::DIRECTION_PDF)),
-            Self::Spot(light) => {
-                (1.0, SolidAngle(light.direction_density(context.time, direction)))
-            }
-            Self::Directional(_) => {
-                (1.0, Perpendicular(1.0 / directional::DirectionalLight::flux_factor(context)))
-            }
+            Self::Spot(light) => (
+                1.0,
+                SolidAngle(light.direction_density(context.time, direction)),
+            ),
+            Self::Directional(_) => (
+                1.0,
+                Perpendicular(1.0 / directional::DirectionalLight::flux_factor(context)),
+            ),
             Self::Beam(light) => (1.0, light.density()),
             Self::Environment(_) => (
                 environment::EnvironmentLight::DIRECTION_PDF,
@@ -235,7 +237,9 @@ impl Light {
             Self::Area(light) => light.direct_density(context, x1, x0),
             Self::Environment(_) => environment::EnvironmentLight::DIRECTION_PDF,
             // the end point is the only one there is
-            _ => self.connect(context, x1, 0.0, DVec2::ZERO).map_or(0.0, |sample| sample.pdf),
+            _ => self
+                .connect(context, x1, 0.0, DVec2::ZERO)
+                .map_or(0.0, |sample| sample.pdf),
         }
     }
 
@@ -297,7 +301,12 @@ fn factor(value: f64) -> SampledSpectrum {
 
 /// A point without extent.
 fn point_end(p: DVec3) -> EndPoint {
-    EndPoint { p, n: DVec3::ZERO, surface: None, infinite: false }
+    EndPoint {
+        p,
+        n: DVec3::ZERO,
+        surface: None,
+        infinite: false,
+    }
 }
 
 /// Unit direction and distance; `None` where the points coincide.

@@ -20,7 +20,10 @@ impl PointLight {
     #[must_use]
     pub fn at(position: DVec3, intensity: Emission) -> Self {
         let transform = Transform::fixed(DAffine3::from_translation(position));
-        Self { transform, intensity }
+        Self {
+            transform,
+            intensity,
+        }
     }
 
     /// Flux per unit intensity.
@@ -48,7 +51,13 @@ impl PointLight {
         let p = self.position(time);
         let (toward, distance) = unit_from_to(x1, p)?;
         let value = factor(1.0 / (distance * distance));
-        Some(DirectSample { x0: point_end(p), toward, distance, pdf: 1.0, value })
+        Some(DirectSample {
+            x0: point_end(p),
+            toward,
+            distance,
+            pdf: 1.0,
+            value,
+        })
     }
 }
 
@@ -63,7 +72,11 @@ mod tests {
         assert_eq!(sample.value[0], 1.0 / 16.0);
         assert_eq!(sample.toward, DVec3::NEG_Z);
         assert_eq!(sample.distance, 4.0);
-        assert!(light.sample_direct(0.0, DVec3::new(1.0, 2.0, 3.0)).is_none());
+        assert!(
+            light
+                .sample_direct(0.0, DVec3::new(1.0, 2.0, 3.0))
+                .is_none()
+        );
     }
 
     #[test]

@@ -35,9 +35,17 @@ impl LightSelection {
         let mut columns: Vec<Column> = (0_u32..)
             .zip(powers)
             .map(|(alias, &p)| {
-                let share = if largest > 0.0 { usable(p) / largest / total } else { 1.0 / count };
+                let share = if largest > 0.0 {
+                    usable(p) / largest / total
+                } else {
+                    1.0 / count
+                };
                 let probability = UNIFORM_SHARE / count + (1.0 - UNIFORM_SHARE) * share;
-                Column { probability, threshold: probability * count, alias }
+                Column {
+                    probability,
+                    threshold: probability * count,
+                    alias,
+                }
             })
             .collect();
         let (mut under, mut over): (Vec<usize>, Vec<usize>) =
@@ -68,16 +76,25 @@ impl LightSelection {
         let (light, u) = if rest < column.threshold {
             (index as u32, rest / column.threshold)
         } else {
-            (column.alias, (rest - column.threshold) / (1.0 - column.threshold))
+            (
+                column.alias,
+                (rest - column.threshold) / (1.0 - column.threshold),
+            )
         };
         let probability = self.columns[light as usize].probability;
-        Some((LightId(light), probability, u.clamp(0.0, 1.0_f64.next_down())))
+        Some((
+            LightId(light),
+            probability,
+            u.clamp(0.0, 1.0_f64.next_down()),
+        ))
     }
 
     /// Probability of a light; 0 for a light that is not in the table.
     #[must_use]
     pub fn probability(&self, light: LightId) -> f64 {
-        self.columns.get(light.0 as usize).map_or(0.0, |c| c.probability)
+        self.columns
+            .get(light.0 as usize)
+            .map_or(0.0, |c| c.probability)
     }
 }
 
@@ -121,14 +138,19 @@ mod tests {
         let mut counts = [[0_u32; 10]; 5];
         let n = 1_000_000;
         for i in 0..n {
-            let (light, _, u) = selection.sample((f64::from(i) + 0.5) / f64::from(n)).unwrap();
+            let (light, _, u) = selection
+                .sample((f64::from(i) + 0.5) / f64::from(n))
+                .unwrap();
             counts[light.0 as usize][(u * 10.0) as usize] += 1;
         }
         for (light, cells) in counts.iter().enumerate() {
             let expected = selection.probability(LightId(light as u32)) * f64::from(n) / 10.0;
             for &c in cells {
                 // a regular grid of u misses each cell by at most one per column it lies in
-                assert!((f64::from(c) - expected).abs() <= 10.0, "light {light}: {c} / {expected}");
+                assert!(
+                    (f64::from(c) - expected).abs() <= 10.0,
+                    "light {light}: {c} / {expected}"
+                );
             }
         }
     }

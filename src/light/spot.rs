@@ -3,9 +3,7 @@
 //! Intensity is full within `falloff_start_rad` of the axis and falls by a smooth step in the cosine to 0 at
 //! `cone_rad`. Directions are drawn exactly in proportion to it, so every emitted path has the same weight.
 
-use super::{
-    DirectSample, EmissionSample, factor, placed_axis, point_end, posed, unit_from_to,
-};
+use super::{DirectSample, EmissionSample, factor, placed_axis, point_end, posed, unit_from_to};
 use crate::geometry::{DirectionalDensity, Transform};
 use crate::math::frame::Frame;
 use crate::spectrum::Emission;
@@ -57,7 +55,12 @@ impl SpotLight {
         cone_rad: f64,
         falloff_start_rad: f64,
     ) -> Self {
-        Self { transform: posed(position, direction), intensity, cone_rad, falloff_start_rad }
+        Self {
+            transform: posed(position, direction),
+            intensity,
+            cone_rad,
+            falloff_start_rad,
+        }
     }
 
     /// Extent of the falloff in the cosine.
@@ -76,7 +79,11 @@ impl SpotLight {
             return 1.0;
         }
         let t = (versine(self.cone_rad) - v) / self.soft_width();
-        if t > 0.0 { t * t * (3.0 - 2.0 * t) } else { 0.0 }
+        if t > 0.0 {
+            t * t * (3.0 - 2.0 * t)
+        } else {
+            0.0
+        }
     }
 
     fn falloff_along(&self, time: f64, direction: DVec3) -> f64 {
@@ -101,7 +108,9 @@ impl SpotLight {
         let sin = (v * (2.0 - v)).max(0.0).sqrt();
         let (y, x) = (TAU * u_dir.y).sin_cos();
         let axis = Frame::from_z(placed_axis(&self.transform, time));
-        let direction = axis.to_outer(DVec3::new(sin * x, sin * y, 1.0 - v)).normalize();
+        let direction = axis
+            .to_outer(DVec3::new(sin * x, sin * y, 1.0 - v))
+            .normalize();
         let pdf = self.direction_density(time, direction);
         let p = self.transform.at(time).to_world.translation;
         (pdf > 0.0).then(|| EmissionSample {
@@ -134,7 +143,13 @@ mod tests {
 
     fn light() -> SpotLight {
         let direction = DVec3::new(0.3, -0.5, 0.8);
-        SpotLight::aimed(DVec3::new(1.0, 2.0, 3.0), direction, Emission::default(), 0.6, 0.4)
+        SpotLight::aimed(
+            DVec3::new(1.0, 2.0, 3.0),
+            direction,
+            Emission::default(),
+            0.6,
+            0.4,
+        )
     }
 
     #[test]
@@ -187,8 +202,12 @@ mod tests {
         for i in 0..100 {
             let u = DVec2::new((f64::from(i) + 0.5) / 100.0, f64::from(i) * 0.618 % 1.0);
             let s = light.sample_emission(0.0, u).unwrap();
-            let DirectionalDensity::SolidAngle(pdf) = s.pdf_direction else { panic!("measure") };
-            let direct = light.sample_direct(0.0, s.origin + 2.0 * s.direction).unwrap();
+            let DirectionalDensity::SolidAngle(pdf) = s.pdf_direction else {
+                panic!("measure")
+            };
+            let direct = light
+                .sample_direct(0.0, s.origin + 2.0 * s.direction)
+                .unwrap();
             // weight × density = intensity = value × d²
             let intensity = f64::from(s.weight[0]) * pdf;
             assert!((intensity - 4.0 * f64::from(direct.value[0])).abs() < 1e-6);
@@ -198,7 +217,11 @@ mod tests {
     #[test]
     fn dark_outside_the_cone_and_sharp_edges_work() {
         let mut light = SpotLight::aimed(DVec3::ZERO, DVec3::Z, Emission::default(), 0.5, 0.5);
-        assert!(light.sample_direct(0.0, DVec3::new(0.0, 0.0, -1.0)).is_none());
+        assert!(
+            light
+                .sample_direct(0.0, DVec3::new(0.0, 0.0, -1.0))
+                .is_none()
+        );
         let edge = |a: f64| DVec3::new(a.sin(), 0.0, a.cos());
         assert!(light.sample_direct(0.0, edge(0.501)).is_none());
         assert_eq!(light.sample_direct(0.0, edge(0.499)).unwrap().value[0], 1.0);

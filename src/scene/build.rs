@@ -7,7 +7,10 @@ use super::{Object, Scene, Sensor};
 use crate::camera::Camera;
 use crate::geometry::{Accel, Instance, InstanceId, Shape};
 use crate::light::area::AreaLight;
+use crate::light::beam::BeamLight;
+use crate::light::point::PointLight;
 use crate::light::selection::LightSelection;
+use crate::light::spot::SpotLight;
 use crate::light::{Light, LightContext, LightId};
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, MediumId, MediumStack};
@@ -57,10 +60,14 @@ impl Scene {
         }
         for object in described {
             let id = InstanceId(instances.len() as u32);
-            let instance = Instance::new(object.shape, object.transform);
+            let instance = Instance { shape: object.shape, transform: object.transform };
             let light = object.emission.map(|emission| {
                 let light = LightId(lights.len() as u32);
-                lights.push(Light::Area(AreaLight::new(id, &instance, emission.radiance, emission.two_sided)));
+                lights.push(Light::Area(AreaLight {
+                    instance: id,
+                    radiance: emission.radiance,
+                    two_sided: emission.two_sided,
+                }));
                 light_names.push(object.name.clone());
                 light
             });
@@ -83,7 +90,7 @@ impl Scene {
         for (index, mut sensor) in sensors.into_iter().enumerate() {
             if let Camera::Detector(detector) = &mut sensor.camera {
                 detector.instance = Some(InstanceId(instances.len() as u32));
-                instances.push(Instance::new(Shape::Quad, detector.transform.clone()));
+                instances.push(Instance { shape: Shape::Quad, transform: detector.transform.clone() });
                 objects.push(Object {
                     name: sensor.name.clone(),
                     material: black,
@@ -174,7 +181,8 @@ fn light_stack(
         Light::Area(area) => {
             let mut found: Option<MediumStack> = None;
             for [u, v, w] in PROBES {
-                let point = area.sample_point(context, u, DVec2::new(v, w)).point;
+                let instance = &accel.instances()[area.instance.0 as usize];
+                let point = instance.sample_area(area.instance, context.time, u, DVec2::new(v, w)).point;
                 let stack = stack_at(accel, objects, point.p, point.ng, Some(point.id), ambient)?;
                 if found.as_ref().is_some_and(|first| *first != stack) {
                     return None;
@@ -183,8 +191,10 @@ fn light_stack(
             }
             found
         }
-        Light::Point(_) | Light::Spot(_) | Light::Beam(_) => {
-            let p = light.position(context.time)?;
+        Light::Point(PointLight { transform, .. })
+        | Light::Spot(SpotLight { transform, .. })
+        | Light::Beam(BeamLight { transform, .. }) => {
+            let p = transform.at(context.time).to_world.translation;
             stack_at(accel, objects, p, DVec3::ZERO, None, ambient)
         }
         Light::Directional(_) | Light::Environment(_) => Some(MediumStack::new(ambient)),

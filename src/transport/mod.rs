@@ -9,6 +9,8 @@ pub mod context;
 pub mod contribution;
 pub mod density;
 pub mod mis;
+#[cfg(test)]
+mod oracle;
 pub mod subpath;
 pub mod techniques;
 pub mod throughput;

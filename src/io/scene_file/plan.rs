@@ -1,0 +1,252 @@
+//! A checked scene file: numbers in SI units and in range, names of the file resolved, files found. What is left for
+//! [`super::resolve`] is to look up library names and to build the renderer's own types.
+
+use super::schema::{FilterName, OutputUnits};
+use crate::medium::Boundary;
+use crate::scene::description::WavelengthSettings;
+use crate::scene::settings::Settings;
+use glam::{DAffine3, DVec3};
+use std::ops::Range;
+use std::path::PathBuf;
+
+/// A place in the source.
+pub type Span = Range<usize>;
+
+/// A whole scene.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// \[0\] is the ambient medium.
+    pub media: Vec<MediumPlan>,
+    /// In the order of their names, then the black material of objects without one, if there are such.
+    pub materials: Vec<Vec<(f64, LobePlan)>>,
+    /// Files of meshes; objects refer to them by index, so that instances share a mesh.
+    pub meshes: Vec<MeshPlan>,
+    /// Surfaces.
+    pub objects: Vec<ObjectPlan>,
+    /// Lights.
+    pub lights: Vec<LightPlan>,
+    /// Sensors.
+    pub sensors: Vec<SensorPlan>,
+    /// Wavelengths.
+    pub wavelengths: WavelengthSettings,
+    /// Render settings.
+    pub settings: Settings,
+    /// Scale of the output.
+    pub units: OutputUnits,
+}
+
+/// What the values of a spectrum come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SpectrumSource {
+    /// The same at every wavelength.
+    Constant(f64),
+    /// Linear sRGB.
+    Rgb([f64; 3]),
+    /// A name of the library.
+    Library(String),
+    /// (nm, value), wavelengths ascending.
+    Table(Vec<[f64; 2]>),
+    /// Planck's law, kelvin.
+    Blackbody(f64),
+    /// (nm, power), wavelengths ascending.
+    Lines(Vec<[f64; 2]>),
+}
+
+/// A spectrum.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpectrumPlan {
+    /// The values.
+    pub source: SpectrumSource,
+    /// Factor on them.
+    pub scale: f64,
+    /// Scaled so that its Y is this (instead of `scale`).
+    pub luminance: Option<f64>,
+    /// Where it is used.
+    pub at: Span,
+}
+
+impl SpectrumPlan {
+    /// The same value everywhere.
+    #[must_use]
+    pub fn constant(value: f64) -> Self {
+        Self { source: SpectrumSource::Constant(value), scale: 1.0, luminance: None, at: 0..0 }
+    }
+}
+
+/// A refractive index.
+#[derive(Clone, Debug, PartialEq)]
+pub enum IorPlan {
+    /// The same at every wavelength.
+    Constant {
+        /// Real part.
+        n: f64,
+        /// Imaginary part.
+        k: f64,
+    },
+    /// A name of the glass catalogue, as written.
+    Glass {
+        /// `schott:N-SF11`, `N-SF11`, `WATER`.
+        name: String,
+        /// Where it is written.
+        at: Span,
+    },
+    /// A name of the metal library, as written.
+    Metal {
+        /// `Au`, `Ag`, ...
+        name: String,
+        /// Where it is written.
+        at: Span,
+    },
+    /// n = Σ cᵢ λ^(-2i), λ in micrometres.
+    Cauchy(Vec<f64>),
+    /// n² = 1 + Σ Bλ²/(λ² - C), (B, C in µm²), λ in micrometres.
+    Sellmeier(Vec<[f64; 2]>),
+    /// (nm, n, k), wavelengths ascending.
+    Table {
+        /// The rows.
+        rows: Vec<[f64; 3]>,
+        /// Evaluated beyond the rows too.
+        extrapolate: bool,
+        /// Where it is named.
+        at: Span,
+    },
+}
+
+/// A medium.
+#[derive(Clone, Debug)]
+pub struct MediumPlan {
+    /// Name.
+    pub name: String,
+    /// Index.
+    pub ior: IorPlan,
+    /// Absorption beyond the index's own.
+    pub absorption: Option<AbsorptionPlan>,
+    /// Whether k of the index absorbs.
+    pub use_k: bool,
+}
+
+/// Absorption of a medium.
+#[derive(Clone, Debug)]
+pub enum AbsorptionPlan {
+    /// Coefficient in 1/m.
+    Coefficient(SpectrumPlan),
+    /// The transmittance `color` after `distance_m`.
+    Color {
+        /// Transmittance in (0, 1].
+        color: SpectrumPlan,
+        /// Metres.
+        distance_m: f64,
+    },
+}
+
+/// One lobe.
+#[derive(Clone, Debug)]
+pub enum LobePlan {
+    /// Lambertian.
+    Diffuse { reflectance: SpectrumPlan },
+    /// Perfect mirror.
+    Mirror { reflectance: SpectrumPlan },
+    /// Metal.
+    Conductor { ior: IorPlan, alpha: [f64; 2], tint: SpectrumPlan },
+    /// Interface between media.
+    Dielectric { alpha: [f64; 2], reflect_tint: SpectrumPlan, transmit_tint: SpectrumPlan },
+    /// Thin sheet.
+    Thin { ior: IorPlan, transmit_tint: SpectrumPlan },
+}
+
+/// A mesh file.
+#[derive(Clone, Debug)]
+pub struct MeshPlan {
+    /// The file, canonical.
+    pub path: PathBuf,
+    /// As written.
+    pub name: String,
+    /// Where it is named.
+    pub at: Span,
+}
+
+/// The canonical shape (see `geometry::Shape`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ShapePlan {
+    /// Unit sphere.
+    Sphere,
+    /// Unit disk with a hole.
+    Disk { inner: f64 },
+    /// Square of half-edge 1.
+    Quad,
+    /// Unit cylinder of height 2.
+    Cylinder,
+    /// Cube of half-edge 1.
+    Box,
+    /// Index into the meshes, in the file's unit (the transform scales to metres).
+    Mesh(usize),
+}
+
+/// A surface.
+#[derive(Clone, Debug)]
+pub struct ObjectPlan {
+    /// Name or position.
+    pub name: String,
+    /// Canonical shape.
+    pub shape: ShapePlan,
+    /// To the world, metres.
+    pub to_world: DAffine3,
+    /// Index into the materials.
+    pub material: u32,
+    /// Media.
+    pub boundary: Boundary,
+    /// (radiance, two-sided).
+    pub emission: Option<(SpectrumPlan, bool)>,
+    /// Where `interior` is written: whether a mesh is closed is known once it is read.
+    pub interior_at: Option<Span>,
+}
+
+/// A light; positions in metres, directions unit, the way light travels.
+#[derive(Clone, Debug)]
+pub struct LightPlan {
+    /// Name or position.
+    pub name: String,
+    /// Kind.
+    pub kind: LightKind,
+}
+
+/// Kind of a light.
+#[derive(Clone, Debug)]
+pub enum LightKind {
+    /// W/(sr nm).
+    Point { position: DVec3, intensity: SpectrumPlan },
+    /// W/(sr nm) within the inner half-angle (radians), 0 from the outer one on.
+    Spot { position: DVec3, direction: DVec3, inner_rad: f64, outer_rad: f64, intensity: SpectrumPlan },
+    /// W/(m² nm) on a surface at right angles.
+    Directional { direction: DVec3, irradiance: SpectrumPlan },
+    /// The same, inside a circle only.
+    Beam { position: DVec3, direction: DVec3, radius_m: f64, irradiance: SpectrumPlan },
+    /// W/(m² sr nm).
+    Environment { radiance: SpectrumPlan },
+}
+
+/// A sensor.
+#[derive(Clone, Debug)]
+pub struct SensorPlan {
+    /// Name.
+    pub name: String,
+    /// Columns and rows.
+    pub resolution: [u32; 2],
+    /// Filter; `None`: the default of the kind of sensor.
+    pub filter: Option<FilterName>,
+    /// Radius in pixels; `None`: the filter's own.
+    pub filter_radius: Option<f64>,
+    /// Kind.
+    pub kind: SensorKind,
+}
+
+/// Kind of a sensor. A camera's own space: looks along -z, +x to the right, +y up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SensorKind {
+    /// Pinhole (aperture radius 0) or thin lens.
+    Perspective { to_world: DAffine3, fov_rad: f64, aperture_radius_m: f64, focus_distance_m: f64 },
+    /// Parallel projection, full height in metres.
+    Orthographic { to_world: DAffine3, height_m: f64 },
+    /// Receiving rectangle with half edges `u` (right) and `v` (up); accepts on the side of u × v.
+    Detector { center: DVec3, u: DVec3, v: DVec3, transparent: bool },
+}

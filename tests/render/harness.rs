@@ -1,0 +1,116 @@
+//! Renders small scenes in independent batches, so that every number comes with its standard error.
+
+use abbe::film::Crop;
+use abbe::io::scene_file::parse_str;
+use abbe::math::hash::combine;
+use abbe::render::{OutputRequest, Render};
+use abbe::scene::settings::IntegratorKind;
+use abbe::scene::{Scene, Settings};
+use regex::Regex;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A mean with its standard error.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate {
+    pub mean: f64,
+    pub error: f64,
+}
+
+impl Estimate {
+    pub fn from_batches(values: &[f64]) -> Self {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        Self { mean, error: (variance / n).sqrt() }
+    }
+
+    /// How many standard errors lie between two estimates.
+    pub fn deviation(&self, other: &Self) -> f64 {
+        (self.mean - other.mean).abs() / self.error.hypot(other.error)
+    }
+
+    /// Fails if the estimate is more than 4.5 standard errors from an exact value (p = 7e-6), or too coarse to tell.
+    pub fn assert_is(&self, what: &str, expected: f64, resolution: f64) {
+        assert!(
+            self.error <= resolution * expected.abs(),
+            "{what}: {self:?} does not resolve {resolution} of {expected}"
+        );
+        let deviation = (self.mean - expected).abs() / self.error.max(1e-300);
+        assert!(deviation < 4.5, "{what}: {self:?}, expected {expected} ({deviation:.1} standard errors)");
+    }
+}
+
+/// Multiplies sample counts: `ABBE_TEST_SCALE`.
+pub fn test_scale() -> u32 {
+    std::env::var("ABBE_TEST_SCALE").ok().and_then(|v| v.parse().ok()).unwrap_or(1)
+}
+
+pub fn scene(text: &str) -> (Scene, Settings) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let loaded = parse_str(text, &folder).unwrap_or_else(|e| panic!("{e}"));
+    (Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}")), loaded.settings)
+}
+
+pub fn full_crop(scene: &Scene) -> Crop {
+    let resolution = scene.sensors[0].camera.resolution();
+    Crop { x0: 0, y0: 0, x1: resolution.width, y1: resolution.height }
+}
+
+/// What one series of batches measured.
+#[derive(Debug)]
+pub struct Measured {
+    /// Mean of Y over the film.
+    pub y: Estimate,
+    /// Weighted mean of Y per class expression asked for.
+    pub classes: Vec<Estimate>,
+    /// Raw and weighted mean per (class, s, t).
+    pub strategies: BTreeMap<(String, u32, u32), (Estimate, Estimate)>,
+}
+
+/// Renders `batches` independent images of `passes` passes each.
+pub fn measure(scene: &Scene, settings: &Settings, batches: u32, passes: u32, classes: &[&str]) -> Measured {
+    let classes: Vec<Regex> = classes.iter().map(|c| Regex::new(&format!("^{c}$")).unwrap()).collect();
+    let batches = batches as usize;
+    let mut y = Vec::new();
+    let mut per_class: Vec<Vec<f64>> = vec![Vec::new(); classes.len()];
+    let mut per_strategy: BTreeMap<(String, u32, u32), Vec<(f64, f64)>> = BTreeMap::new();
+    for batch in 0..batches {
+        let settings = Settings { seed: combine(settings.seed, batch as u64 + 1), ..settings.clone() };
+        let request = OutputRequest { classes: classes.clone(), class_table: true, ..OutputRequest::default() };
+        let crop = full_crop(scene);
+        let mut render = Render::new(scene, 0, &settings, crop, &request);
+        for pass in 0..passes {
+            render.add_pass(pass);
+        }
+        assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
+        assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
+        let pixels = crop.pixels() as f64;
+        let mean_y = |film: &abbe::film::Film| {
+            film.image(u64::from(passes)).iter().skip(1).step_by(3).sum::<f64>() / pixels
+        };
+        y.push(mean_y(&render.outputs().image));
+        for (values, (_, film)) in per_class.iter_mut().zip(&render.outputs().classes) {
+            values.push(mean_y(film));
+        }
+        let norm = pixels * f64::from(passes);
+        for (&(class, s, t), row) in render.table().rows() {
+            let values = per_strategy.entry((class.to_string(), s, t)).or_insert_with(|| vec![(0.0, 0.0); batches]);
+            values[batch] = (row.raw / norm, row.weighted / norm);
+        }
+    }
+    let split = |values: Vec<(f64, f64)>| {
+        let raw: Vec<f64> = values.iter().map(|v| v.0).collect();
+        let weighted: Vec<f64> = values.iter().map(|v| v.1).collect();
+        (Estimate::from_batches(&raw), Estimate::from_batches(&weighted))
+    };
+    Measured {
+        y: Estimate::from_batches(&y),
+        classes: per_class.iter().map(|v| Estimate::from_batches(v)).collect(),
+        strategies: per_strategy.into_iter().map(|(k, v)| (k, split(v))).collect(),
+    }
+}
+
+pub fn with(settings: &Settings, integrator: IntegratorKind) -> Settings {
+    Settings { integrator, ..settings.clone() }
+}
