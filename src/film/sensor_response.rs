@@ -4,7 +4,7 @@
 //! sum over lanes with no further factor but the density of the wavelength: a probability at an emission line, per
 //! nanometre elsewhere.
 
-use crate::spectrum::{SampledWavelengths, xyz};
+use crate::spectrum::{SampledWavelengths, cie};
 
 /// Integral of ȳ (CIE 1931, 2°) over 360..830 nm at 1 nm, in nanometres.
 pub const Y_INTEGRAL_NM: f64 = 106.856_895;
@@ -140,7 +140,7 @@ impl SensorResponse {
                 return;
             }
         };
-        for (channel, matching) in channels.iter_mut().zip(xyz::cmf(lambda_nm)) {
+        for (channel, matching) in channels.iter_mut().zip(cie::cmf(lambda_nm)) {
             *channel += scale * matching * value;
         }
     }

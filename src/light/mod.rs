@@ -345,3 +345,6 @@ fn unit_sphere(u: DVec2) -> DVec3 {
 fn cosine_hemisphere(u: DVec2) -> DVec3 {
     unit_disk(u).extend((1.0 - u.x).sqrt())
 }
+
+#[cfg(test)]
+mod tests;
