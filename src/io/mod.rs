@@ -1,4 +1,8 @@
 //! Files in and out: scenes, meshes, images, part files. Every reader checks before it allocates and never panics; every
 //! writer replaces a file at once or not at all.
 
+pub mod atomic;
+pub mod exr;
+pub mod part;
+pub mod png;
 pub mod scene_file;
