@@ -6,14 +6,18 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use regex::Regex;
 use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 /// Version of the program.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version, target and profile.
-fn long_version() -> String {
-    let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
-    format!("{VERSION} ({} {}, {profile})", std::env::consts::ARCH, std::env::consts::OS)
+fn long_version() -> &'static str {
+    static TEXT: LazyLock<String> = LazyLock::new(|| {
+        let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
+        format!("{VERSION} ({} {}, {profile})", std::env::consts::ARCH, std::env::consts::OS)
+    });
+    &TEXT
 }
 
 /// Spectral bidirectional path tracer for dispersive glass and correct color.

@@ -9,6 +9,7 @@ mod glass;
 mod image_output;
 mod info;
 mod interrupt;
+mod load;
 mod merge;
 mod progress;
 mod render;
