@@ -38,7 +38,7 @@ fn metadata(header: &PartHeader) -> ImageMetadata {
     let mut seeds: Vec<String> = header.passes.iter().map(|p| p.seed.to_string()).collect();
     seeds.dedup();
     let mut entries = vec![
-        text("version", header.version.clone()),
+        text("abbeVersion", header.version.clone()),
         text("sceneHash", format!("{:016x}", header.scene_hash)),
         text("sensor", header.sensor.clone()),
         text("passes", ranges.collect::<Vec<_>>().join(",")),
