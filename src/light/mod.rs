@@ -115,6 +115,21 @@ impl Light {
         }
     }
 
+    /// The same light with another emission spectrum.
+    #[must_use]
+    pub fn map_emission(mut self, f: impl FnOnce(Emission) -> Emission) -> Self {
+        let emission = match &mut self {
+            Self::Area(light) => &mut light.radiance,
+            Self::Point(light) => &mut light.intensity,
+            Self::Spot(light) => &mut light.intensity,
+            Self::Directional(light) => &mut light.irradiance,
+            Self::Beam(light) => &mut light.irradiance,
+            Self::Environment(light) => &mut light.radiance,
+        };
+        *emission = f(std::mem::take(emission));
+        self
+    }
+
     /// Emitted power weighted by visibility (any common unit): for choosing lights.
     #[must_use]
     pub fn power(&self, context: &LightContext) -> f64 {

@@ -185,6 +185,21 @@ impl WavelengthDistribution {
         Self::build(range_nm, &knots, density, &lines, uniform_share)
     }
 
+    /// The same distribution with the atoms of `other`, at their probability there: so that a uniform choice finds the
+    /// lines of a scene too.
+    #[must_use]
+    pub fn with_atoms_of(&self, other: &Self) -> Self {
+        let atoms = other.atoms().map(|(nm, p)| (nm, nm, p));
+        let share: f64 = other.atoms().map(|(_, p)| p).sum();
+        let cells = self
+            .pieces
+            .iter()
+            .map(|p| (p.low_nm, p.high_nm, p.probability * (1.0 - share)));
+        let mut all: Vec<_> = cells.chain(atoms).collect();
+        all.sort_by(|p, q| p.0.total_cmp(&q.0).then(p.1.total_cmp(&q.1)));
+        Self::from_masses(self.range_nm, all.into_iter())
+    }
+
     /// Atoms only, equally probable, at these wavelengths (nanometers, at least one; repetitions count once).
     #[must_use]
     pub fn lines(lines_nm: &[f64]) -> Self {
