@@ -5,13 +5,15 @@ pub mod curve;
 pub mod emission;
 pub mod ior;
 pub mod library;
+mod read;
 pub mod sampled;
 pub mod upsample;
 pub mod wavelengths;
 pub mod xyz;
 
 pub use curve::Curve;
-pub use emission::Emission;
-pub use ior::Ior;
+pub use emission::{Emission, Line};
+pub use ior::{Ior, IorError};
+pub use library::{Library, LibraryError, SpectrumFileError};
 pub use sampled::{MAX_LANES, SampledSpectrum};
 pub use wavelengths::{SampledWavelengths, WavelengthDistribution};
