@@ -20,7 +20,11 @@ impl EndPoint {
     /// |cos| between the end point's normal and `w`; 1 where it has no normal or lies at infinity.
     #[must_use]
     pub fn cos(&self, w: DVec3) -> f64 {
-        if self.infinite || self.n == DVec3::ZERO { 1.0 } else { self.n.dot(w).abs() }
+        if self.infinite || self.n == DVec3::ZERO {
+            1.0
+        } else {
+            self.n.dot(w).abs()
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::InstanceId;
 use glam::{DVec2, DVec3};
 
-/// One face of one instance, and which root of it where a line can meet the face twice.
+/// One face of one instance. (Where a line can meet the face twice, the point on it tells the root.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SurfaceId {
     /// The instance.
@@ -19,7 +19,7 @@ pub struct Hit {
     pub t: f64,
     /// What was hit.
     pub id: SurfaceId,
-    /// Barycentric or surface coordinates, as the shape defines them.
+    /// Barycentric weights of the second and third vertex on a mesh, zero elsewhere.
     pub uv: DVec2,
 }
 

@@ -4,6 +4,7 @@
 //! leaves a surface names the face (and root) it left.
 
 pub mod accel;
+mod analytic;
 pub mod endpoint;
 pub mod hit;
 pub mod instance;
@@ -16,7 +17,7 @@ pub use accel::Accel;
 pub use endpoint::{DirectionalDensity, EndPoint};
 pub use hit::{Hit, SurfaceId, SurfacePoint};
 pub use instance::{Instance, InstanceId};
-pub use mesh::Mesh;
+pub use mesh::{Mesh, MeshError};
 pub use motion::Transform;
 pub use ray::Ray;
 pub use shape::Shape;

@@ -15,7 +15,10 @@ impl Placement {
     /// The placement of an invertible map.
     #[must_use]
     pub fn new(to_world: DAffine3) -> Self {
-        Self { to_world, to_object: to_world.inverse() }
+        Self {
+            to_world,
+            to_object: to_world.inverse(),
+        }
     }
 
     /// A unit world normal from an object-space normal (inverse transpose).
@@ -41,6 +44,7 @@ impl Transform {
 
     /// The placement at `time`, a fraction of the shutter.
     #[must_use]
+    #[inline]
     pub fn at(&self, _time: f64) -> Placement {
         match self {
             Self::Static(p) => *p,

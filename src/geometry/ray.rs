@@ -1,7 +1,11 @@
-//! Rays.
+//! Rays, in the world and in the own space of an instance.
+//!
+//! Invariant: which hits count near the ends of a ray follows from the faces it names and from the rounding error of
+//! its end points, never from a length.
 
-use super::SurfaceId;
-use glam::DVec3;
+use super::{InstanceId, SurfaceId};
+use crate::math::predicates::transformed_error;
+use glam::{DAffine3, DVec3};
 
 /// A ray or a segment at one moment.
 #[derive(Clone, Copy, Debug)]
@@ -25,12 +29,89 @@ impl Ray {
     /// An open ray from a point of free space.
     #[must_use]
     pub fn new(o: DVec3, d: DVec3, time: f64) -> Self {
-        Self { o, d, t_max: f64::INFINITY, time, start: None, end: None }
+        Self {
+            o,
+            d,
+            t_max: f64::INFINITY,
+            time,
+            start: None,
+            end: None,
+        }
     }
 
     /// An open ray that leaves the surface `start` (if any).
     #[must_use]
     pub fn leaving(o: DVec3, d: DVec3, time: f64, start: Option<SurfaceId>) -> Self {
-        Self { start, ..Self::new(o, d, time) }
+        Self {
+            start,
+            ..Self::new(o, d, time)
+        }
+    }
+}
+
+/// A ray in the own space of one instance; its parameter is still the distance in the world.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LocalRay {
+    /// Origin.
+    pub o: DVec3,
+    /// Direction, of any length.
+    pub d: DVec3,
+    /// Hits are in (0, `t_max`).
+    pub t_max: f64,
+    /// The face of this instance the origin lies on.
+    pub start: Option<u32>,
+    /// The face of this instance the far end lies on.
+    pub end: Option<u32>,
+    /// Where the far end is (`t_max` shrinks as hits are found, this does not).
+    pub t_end: f64,
+    /// Faces nearer to the origin than this are its neighbors; 0 where the origin lies on no face.
+    start_error: f64,
+    /// The same about the far end.
+    end_error: f64,
+}
+
+impl LocalRay {
+    /// `ray` as the instance `id` at `to_object` sees it, where only hits before `t_max` matter and the shape has
+    /// coordinates up to `extent`.
+    #[inline]
+    pub fn new(ray: &Ray, id: InstanceId, to_object: &DAffine3, t_max: f64, extent: f64) -> Self {
+        let prim = |s: Option<SurfaceId>| s.filter(|s| s.instance == id).map(|s| s.prim);
+        let start_error = match ray.start {
+            Some(_) => transformed_error(to_object, ray.o.abs(), extent),
+            None => 0.0,
+        };
+        let end_error = match ray.end {
+            Some(_) => {
+                let far = ray.o + ray.d * ray.t_max;
+                transformed_error(to_object, far.abs().max(ray.o.abs()), extent)
+            }
+            None => 0.0,
+        };
+        Self {
+            o: to_object.transform_point3(ray.o),
+            d: to_object.transform_vector3(ray.d),
+            t_max,
+            start: prim(ray.start),
+            end: prim(ray.end),
+            t_end: ray.t_max,
+            start_error,
+            end_error,
+        }
+    }
+
+    /// Point at the parameter `t`.
+    #[inline]
+    pub fn at(&self, t: f64) -> DVec3 {
+        self.o + self.d * t
+    }
+
+    /// Whether a face that is named neither as start nor as end counts when hit at `t`, where the ray nears it by
+    /// `approach` per unit of `t` (|d·n| for a flat face, |d| for a curved one).
+    #[inline]
+    pub fn counts(&self, t: f64, approach: f64) -> bool {
+        t > 0.0
+            && t < self.t_max
+            && t * approach >= self.start_error
+            && !((self.t_end - t) * approach < self.end_error)
     }
 }

@@ -1,7 +1,13 @@
 //! The closed set of shapes, each in its own object space.
+//!
+//! Analytic shapes have unit size and are placed by the transform of their instance. Sampling is uniform over the area
+//! in object space; [`super::Instance`] turns its density into one per world area.
 
-use super::{Mesh, SurfaceId, SurfacePoint};
+use super::analytic::{self, FaceHit};
+use super::ray::LocalRay;
+use super::{Mesh, SurfacePoint};
 use glam::{DVec2, DVec3};
+use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 /// A surface in its own space. Closed shapes have outward normals.
@@ -33,15 +39,130 @@ pub struct AreaSample {
     pub pdf_a: f64,
 }
 
-#[allow(unused_variables)]
+/// A surface point in object space; the normals have unit length, except that `ns` may be degenerate.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LocalPoint {
+    pub p: DVec3,
+    pub ng: DVec3,
+    /// Interpolated normal, where the shape has one.
+    pub ns: Option<DVec3>,
+    pub uv: DVec2,
+    pub prim: u32,
+}
+
 impl Shape {
-    /// Whether the shape bounds a solid (mesh: every edge shared by two triangles of opposite winding).
+    /// Whether the shape bounds a solid (mesh: every edge shared by two triangles of opposite winding; takes time
+    /// n log n).
     #[must_use]
     pub fn is_closed(&self) -> bool {
-        todo!()
+        match self {
+            Self::Sphere | Self::Box => true,
+            Self::Disk { .. } | Self::Quad | Self::Cylinder => false,
+            Self::Mesh(mesh) => mesh.is_closed(),
+        }
+    }
+
+    /// Area in object space.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        match self {
+            Self::Sphere | Self::Cylinder => 4.0 * PI,
+            Self::Disk { inner } => PI * (1.0 - inner * inner),
+            Self::Quad => 4.0,
+            Self::Box => 24.0,
+            Self::Mesh(mesh) => mesh.area(),
+        }
+    }
+
+    /// Largest coordinate of the shape, in object space.
+    #[inline]
+    pub(super) fn extent(&self) -> f64 {
+        match self {
+            Self::Mesh(mesh) => mesh.extent(),
+            _ => 1.0,
+        }
+    }
+
+    /// Closest hit of an analytic shape (meshes bring their own tree).
+    #[inline]
+    pub(super) fn analytic_hit(&self, ray: &LocalRay) -> Option<FaceHit> {
+        match self {
+            Self::Sphere => analytic::sphere(ray),
+            Self::Disk { inner } => analytic::disk(ray, *inner),
+            Self::Quad => analytic::quad(ray),
+            Self::Cylinder => analytic::cylinder(ray),
+            Self::Box => analytic::cube(ray),
+            Self::Mesh(_) => None,
+        }
+    }
+
+    /// The point of face `prim` nearest to `p` (meshes: that with the barycentric `weights`).
+    pub(super) fn local_point(&self, prim: u32, p: DVec3, weights: DVec2) -> LocalPoint {
+        let square = |q: DVec2| (q + 1.0) / 2.0;
+        let flat = |p: DVec3, ng: DVec3, uv: DVec2| LocalPoint {
+            p,
+            ng,
+            ns: None,
+            uv,
+            prim,
+        };
+        match self {
+            Self::Sphere => {
+                let p = p.normalize();
+                let uv = DVec2::new(turn(p), p.z.clamp(-1.0, 1.0).acos() / PI);
+                flat(p, p, uv)
+            }
+            Self::Disk { .. } | Self::Quad => flat(p.with_z(0.0), DVec3::Z, square(p.truncate())),
+            Self::Cylinder => {
+                let n = p.with_z(0.0).normalize();
+                flat(n.with_z(p.z), n, DVec2::new(turn(p), (p.z + 1.0) / 2.0))
+            }
+            Self::Box => {
+                let n = analytic::cube_normal(prim);
+                let axis = (prim / 2) as usize % 3;
+                let mut q = p.clamp(DVec3::NEG_ONE, DVec3::ONE);
+                q[axis] = n[axis];
+                flat(
+                    q,
+                    n,
+                    square(DVec2::new(q[(axis + 1) % 3], q[(axis + 2) % 3])),
+                )
+            }
+            Self::Mesh(mesh) => mesh.local_point(prim, weights),
+        }
+    }
+
+    /// A point uniform over the area in object space; `u_face` chooses the face, `u` the point on it.
+    pub(super) fn sample(&self, u_face: f64, u: DVec2) -> LocalPoint {
+        let (sin, cos) = (TAU * u.y).sin_cos();
+        let ring = |r: f64, z: f64| DVec3::new(r * cos, r * sin, z);
+        let (prim, p) = match self {
+            Self::Sphere => {
+                let z = 1.0 - 2.0 * u.x;
+                (0, ring((1.0 - z * z).max(0.0).sqrt(), z))
+            }
+            Self::Disk { inner } => {
+                let i2 = inner * inner;
+                (0, ring((i2 + u.x * (1.0 - i2)).sqrt(), 0.0))
+            }
+            Self::Quad => (0, (u * 2.0 - 1.0).extend(0.0)),
+            Self::Cylinder => (0, ring(1.0, 2.0 * u.x - 1.0)),
+            Self::Box => {
+                let face = ((u_face * 6.0) as u32).min(5);
+                let axis = (face / 2) as usize;
+                let mut p = analytic::cube_normal(face);
+                p[(axis + 1) % 3] = 2.0 * u.x - 1.0;
+                p[(axis + 2) % 3] = 2.0 * u.y - 1.0;
+                (face, p)
+            }
+            Self::Mesh(mesh) => return mesh.sample(u_face, u),
+        };
+        self.local_point(prim, p, DVec2::ZERO)
     }
 }
 
-// H2: intersection, surface point from hit, area sampling and its density live in geometry/instance.rs and shape files.
-#[allow(dead_code)]
-fn _types(_: DVec2, _: DVec3, _: SurfaceId) {}
+/// Azimuth about z as a fraction of a turn, in [0, 1].
+fn turn(p: DVec3) -> f64 {
+    let phi = p.y.atan2(p.x) / TAU;
+    if phi < 0.0 { phi + 1.0 } else { phi }
+}

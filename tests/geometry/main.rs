@@ -1,0 +1,5 @@
+//! Properties of ray queries that no picture would show: no leaks, no re-hits, no preferred scale.
+
+mod exclusion;
+mod support;
+mod watertight;
