@@ -1,1 +1,135 @@
-//! placeholder
+//! Fresnel reflectance of unpolarized light, and Snell's law (Born and Wolf, Principles of Optics, 1.5 and 14.2).
+//!
+//! Invariant: equal indices give exactly R = 0 and a straight ray; total internal reflection exactly R = 1.
+
+use glam::DVec3;
+
+/// `n² - 1` for n = `eta_t / eta_i`, without cancellation when the indices are nearly equal.
+fn index_contrast(eta_i: f64, eta_t: f64) -> f64 {
+    (eta_t - eta_i) * (eta_t + eta_i) / (eta_i * eta_i)
+}
+
+/// Reflectance in [0, 1] of the interface from index `eta_i` to `eta_t`; `cos_i` in [0, 1] is on the side of `eta_i`.
+///
+/// With n = η_t/η_i and g² = n² - 1 + cos², the amplitudes are written as
+/// r_s = -(n² - 1)/(cos + g)² and r_p = (n² - 1)((n² + 1) cos² - 1)/(n² cos + g)²: no difference of near-equal numbers
+/// but the one that Brewster's angle is.
+#[must_use]
+pub fn dielectric(cos_i: f64, eta_i: f64, eta_t: f64) -> f64 {
+    let contrast = index_contrast(eta_i, eta_t);
+    if contrast == 0.0 {
+        return 0.0;
+    }
+    let g2 = contrast + cos_i * cos_i;
+    if g2 <= 0.0 || cos_i <= 0.0 {
+        return 1.0;
+    }
+    let g = g2.sqrt();
+    let n2 = 1.0 + contrast;
+    let (sum_s, sum_p) = (cos_i + g, n2 * cos_i + g);
+    let r_s = contrast / (sum_s * sum_s);
+    let r_p = contrast * ((n2 + 1.0) * cos_i * cos_i - 1.0) / (sum_p * sum_p);
+    (0.5 * (r_s * r_s + r_p * r_p)).min(1.0)
+}
+
+/// Reflectance in [0, 1] of a metal of index `n + i k` seen from index `eta_i` at `cos_i` in [0, 1].
+#[must_use]
+pub fn conductor(cos_i: f64, eta_i: f64, n: f64, k: f64) -> f64 {
+    let (n, k) = (n / eta_i, k / eta_i);
+    let cos2 = cos_i * cos_i;
+    let sin2 = 1.0 - cos2;
+    let real = n * n - k * k - sin2;
+    // a² + b² = |(n + i k)² - sin²|, a its root's real part
+    let modulus = real.hypot(2.0 * n * k);
+    let a = (0.5 * (modulus + real)).max(0.0).sqrt();
+    let s_sum = modulus + cos2;
+    let s_mix = 2.0 * a * cos_i;
+    let r_s = (s_sum - s_mix) / (s_sum + s_mix);
+    let p_sum = cos2 * modulus + sin2 * sin2;
+    let p_mix = s_mix * sin2;
+    let r_p = r_s * (p_sum - p_mix) / (p_sum + p_mix);
+    let r = 0.5 * (r_s + r_p);
+    // 0/0: grazing incidence on a "metal" that is the medium itself
+    if r.is_finite() {
+        r.clamp(0.0, 1.0)
+    } else {
+        0.0
+    }
+}
+
+/// The refraction of `w` (unit, pointing away from the surface, on the side of the unit vector `m`) through the plane
+/// normal to `m`, again pointing away. `None` at total internal reflection.
+#[must_use]
+pub fn refract(w: DVec3, m: DVec3, eta_i: f64, eta_t: f64) -> Option<DVec3> {
+    let cos_i = w.dot(m);
+    let g2 = index_contrast(eta_i, eta_t) + cos_i * cos_i;
+    if g2 <= 0.0 {
+        return None;
+    }
+    let ratio = eta_i / eta_t;
+    Some(ratio * ((cos_i - g2.sqrt()) * m - w))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const BK7: f64 = 1.5168;
+
+    #[test]
+    fn known_values() {
+        assert!((dielectric(1.0, 1.0, 1.5) - 0.04).abs() < 1e-15);
+        assert!((dielectric(1.0, 1.5, 1.0) - 0.04).abs() < 1e-15);
+        // Brewster: R_p = 0, so R = R_s/2 with r_s = cos(2 theta)
+        let brewster = 56.603_83_f64.to_radians();
+        let r_s = (2.0 * brewster).cos();
+        assert!((dielectric(brewster.cos(), 1.0, BK7) - 0.5 * r_s * r_s).abs() < 1e-7);
+        // total reflection sets in at 41.24519 degrees; R has a vertical tangent there
+        let at = |degrees: f64| dielectric(degrees.to_radians().cos(), BK7, 1.0);
+        assert_eq!(at(41.245_192), 1.0);
+        assert!(at(41.245_188) < 1.0);
+        assert_eq!(dielectric(0.0, 1.0, 1.5), 1.0);
+        for cos in [0.0, 1e-9, 0.3, 1.0] {
+            assert_eq!(dielectric(cos, 1.333, 1.333), 0.0);
+        }
+        // silver-like n + ik at normal incidence: ((n-1)² + k²)/((n+1)² + k²)
+        let want = (0.95_f64.powi(2) + 9.0) / (1.05_f64.powi(2) + 9.0);
+        assert!((conductor(1.0, 1.0, 0.05, 3.0) - want).abs() < 1e-14);
+        assert!((conductor(0.0, 1.0, 0.05, 3.0) - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn equal_indices_go_straight() {
+        let w = DVec3::new(0.6, 0.0, 0.8);
+        assert_eq!(refract(w, DVec3::Z, 1.7, 1.7), Some(-w));
+    }
+
+    proptest! {
+        #[test]
+        fn metal_without_extinction_is_a_dielectric(cos in 0.01..1.0_f64, n in 1.01..3.0_f64) {
+            prop_assert!((conductor(cos, 1.2, n, 0.0) - dielectric(cos, 1.2, n)).abs() < 1e-9);
+        }
+
+        #[test]
+        fn refraction_obeys_snell_and_reverses(
+            cos in 0.001..1.0_f64, phi in 0.0..6.0_f64, eta_i in 1.0..2.5_f64, eta_t in 1.0..2.5_f64,
+        ) {
+            let sin = (1.0 - cos * cos).sqrt();
+            let w = DVec3::new(sin * phi.cos(), sin * phi.sin(), cos);
+            match refract(w, DVec3::Z, eta_i, eta_t) {
+                None => prop_assert!(sin * eta_i / eta_t > 1.0 - 1e-9),
+                Some(t) => {
+                    prop_assert!((t.length() - 1.0).abs() < 1e-12 && t.z < 0.0);
+                    prop_assert!((eta_i * w.truncate() + eta_t * t.truncate()).length() < 1e-12);
+                    if t.z < -1e-3 {
+                        let back = refract(t, -DVec3::Z, eta_t, eta_i).unwrap();
+                        prop_assert!((back - w).length() < 1e-9);
+                        let (r, r_back) = (dielectric(cos, eta_i, eta_t), dielectric(-t.z, eta_t, eta_i));
+                        prop_assert!((r - r_back).abs() < 1e-9);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -7,9 +7,14 @@ pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
 pub mod fresnel;
+pub mod interface;
+pub mod lobe;
 pub mod microfacet;
 pub mod rough_dielectric;
 pub mod thin;
+
+pub use interface::Interface;
+pub use lobe::Lobe;
 
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use arrayvec::ArrayVec;
@@ -43,17 +48,9 @@ pub enum Side {
     Camera,
 }
 
-/// Refractive indices on the two sides of a surface, per lane.
-#[derive(Clone, Copy, Debug)]
-pub struct Interface {
-    /// On the side the normal points to.
-    pub eta_above: [f64; MAX_LANES],
-    /// On the other side.
-    pub eta_below: [f64; MAX_LANES],
-    /// Lanes in use.
-    pub count: usize,
-    /// The ratio of the two indices differs between wavelengths.
-    pub dispersive: bool,
+/// `|cos|` of `w` when both directions are strictly on the same side of the surface.
+fn cosine_on_side(w: DVec3, other: DVec3) -> Option<f64> {
+    (w.z * other.z > 0.0).then_some(w.z.abs())
 }
 
 /// A density that may depend on the lane (rough dispersive transmission only; then it is per-lane).
@@ -61,8 +58,16 @@ pub struct Interface {
 /// For everything else all lanes have the hero's density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaneDensity {
-    /// The density of each lane; [0] is the hero's.
+    /// The density of each lane; \[0\] is the hero's. Lanes not in use are never read.
     pub lanes: [f64; MAX_LANES],
+}
+
+impl LaneDensity {
+    fn add(&mut self, f: impl Fn(usize) -> f64) {
+        for (k, lane) in self.lanes.iter_mut().enumerate() {
+            *lane += f(k);
+        }
+    }
 }
 
 /// Value and densities of the non-specular label for one pair of directions.
@@ -76,6 +81,16 @@ pub struct BsdfEval {
     pub pdf_light: f64,
     /// Per-lane versions of (`pdf_camera`, `pdf_light`) where they differ from the hero's.
     pub columns: Option<(LaneDensity, LaneDensity)>,
+}
+
+impl BsdfEval {
+    /// Nothing scattered, never sampled.
+    pub const BLACK: Self = Self {
+        g: SampledSpectrum::ZERO,
+        pdf_camera: 0.0,
+        pdf_light: 0.0,
+        columns: None,
+    };
 }
 
 /// A sampled direction.
@@ -100,24 +115,10 @@ pub struct BsdfSample {
     pub columns: Option<(LaneDensity, LaneDensity)>,
 }
 
-/// One scattering lobe with its parameters at a point and at the path's wavelengths.
-#[derive(Clone, Copy, Debug)]
-pub enum Lobe {
-    /// Lambertian reflection.
-    Diffuse(diffuse::Diffuse),
-    /// Perfect mirror (reflectance per lane) or smooth conductor.
-    Mirror(conductor::Mirror),
-    /// GGX conductor.
-    Conductor(conductor::Conductor),
-    /// Smooth dielectric interface between the two media of the surface.
-    Dielectric(dielectric::Dielectric),
-    /// GGX dielectric interface.
-    RoughDielectric(rough_dielectric::RoughDielectric),
-    /// Thin sheet: reflects and passes straight, between equal media.
-    Thin(thin::Thin),
-}
-
 /// A mixture of weighted lobes between two media. Weights are at most 1 in sum; what is missing is absorbed.
+///
+/// All lobes of a label act as one: whichever of them generated the direction, value, density and label probability are
+/// sums over all, so they depend on the directions and the label alone.
 #[derive(Clone, Debug)]
 pub struct Bsdf {
     /// (weight, lobe); the selection probability of a lobe is its weight over the sum.
@@ -126,42 +127,241 @@ pub struct Bsdf {
     pub interface: Interface,
 }
 
-#[allow(unused_variables)]
 impl Bsdf {
     /// The bsdf that absorbs everything.
     #[must_use]
     pub fn black(interface: Interface) -> Self {
-        Self { lobes: ArrayVec::new(), interface }
+        Self {
+            lobes: ArrayVec::new(),
+            interface,
+        }
     }
 
     /// Whether there is any non-specular lobe: the vertex can be connected.
     #[must_use]
     pub fn has_non_specular(&self) -> bool {
-        todo!()
+        self.lobes.iter().any(|(_, lobe)| !lobe.is_specular())
     }
 
     /// Whether there is any specular lobe.
     #[must_use]
     pub fn has_specular(&self) -> bool {
-        todo!()
+        self.lobes.iter().any(|(_, lobe)| lobe.is_specular())
+    }
+
+    /// Sum of the lobes' weights.
+    fn total_weight(&self) -> f64 {
+        self.lobes
+            .iter()
+            .map(|&(weight, _)| f64::from(weight))
+            .sum()
+    }
+
+    /// Probability that scattering from direction `w` (of either side) draws `label`: Σ sel_i q_i(label). A function of
+    /// the vertex, the direction and the set of lanes, not of which lane is the hero.
+    #[must_use]
+    pub fn label_probability(&self, label: Label, w: DVec3) -> f64 {
+        let (cos, above) = (w.z.abs(), w.z > 0.0);
+        let mut sum = 0.0;
+        for (weight, lobe) in &self.lobes {
+            sum += f64::from(*weight) * lobe.label_probability(label, cos, above, &self.interface);
+        }
+        if sum > 0.0 {
+            sum / self.total_weight()
+        } else {
+            0.0
+        }
+    }
+
+    /// Reflectance ([`Label::SpecularReflect`]) or transmittance ([`Label::SpecularTransmit`]) per lane, weights and
+    /// tints included, of the specular lobes for light at cosine `cos` in [0, 1] on the side `above` the normal (or
+    /// below). 0 for the non-specular label.
+    #[must_use]
+    pub fn specular(&self, label: Label, cos: f64, above: bool) -> SampledSpectrum {
+        let mut sum = SampledSpectrum::ZERO;
+        for (weight, lobe) in &self.lobes {
+            sum += lobe.specular(label, cos, above, &self.interface) * *weight;
+        }
+        sum
     }
 
     /// The non-specular label for given directions. Both densities come with the value: they cannot disagree.
     #[must_use]
     pub fn eval(&self, w_light: DVec3, w_camera: DVec3) -> BsdfEval {
-        todo!()
+        let mut sum = BsdfEval::BLACK;
+        let scale = 1.0 / self.total_weight();
+        for (weight, lobe) in &self.lobes {
+            let Some(eval) = lobe.eval(w_light, w_camera, &self.interface) else {
+                continue;
+            };
+            let selection = f64::from(*weight) * scale;
+            sum.g += eval.g * *weight;
+            if let Some((camera, light)) = eval.columns {
+                // what other lobes gave so far is the same in all lanes
+                let columns = sum.columns.get_or_insert((
+                    LaneDensity {
+                        lanes: [sum.pdf_camera; MAX_LANES],
+                    },
+                    LaneDensity {
+                        lanes: [sum.pdf_light; MAX_LANES],
+                    },
+                ));
+                columns.0.add(|k| camera.lanes[k] * selection);
+                columns.1.add(|k| light.lanes[k] * selection);
+            } else if let Some(columns) = &mut sum.columns {
+                columns.0.add(|_| eval.pdf_camera * selection);
+                columns.1.add(|_| eval.pdf_light * selection);
+            }
+            sum.pdf_camera += eval.pdf_camera * selection;
+            sum.pdf_light += eval.pdf_light * selection;
+        }
+        sum
     }
 
     /// Generates the direction of side `generate` from the `given` one. `u`: label/lobe choice, then two for the direction.
     /// `None` when the sample fails (GGX below the surface, nothing to scatter).
     #[must_use]
     pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
-        todo!()
+        let (lobe, rest) = self.choose_lobe(u[0])?;
+        let above = given.z > 0.0;
+        let cos = given.z.abs();
+        if lobe.is_specular() {
+            let q = lobe.label_probability(Label::SpecularReflect, cos, above, &self.interface);
+            let label = if rest < q {
+                Label::SpecularReflect
+            } else {
+                Label::SpecularTransmit
+            };
+            return self.sample_specular(lobe, label, given);
+        }
+        // the lobes generate for a given direction above the surface
+        let up = if above {
+            given
+        } else {
+            DVec3::new(given.x, given.y, -given.z)
+        };
+        let w = match lobe {
+            Lobe::Diffuse(_) => diffuse::Diffuse::generate([u[1], u[2]]),
+            Lobe::Conductor(lobe) => lobe.generate(up, [u[1], u[2]])?,
+            Lobe::RoughDielectric(lobe) => {
+                lobe.generate(up, &self.interface, [rest, u[1], u[2]], above)?
+            }
+            Lobe::Mirror(_) | Lobe::Dielectric(_) | Lobe::Thin(_) => return None,
+        };
+        let w = if above { w } else { DVec3::new(w.x, w.y, -w.z) };
+        self.sample_non_specular(given, w, generate)
     }
 
-    /// Albedo-like colour for the preview AOV: mean reflectance per lane at normal incidence.
+    /// The lobe that `u` falls on, and `u` stretched over it again, below 1.
+    fn choose_lobe(&self, u: f64) -> Option<(&Lobe, f64)> {
+        let mut rest = u * self.total_weight();
+        let mut chosen = None;
+        for (weight, lobe) in &self.lobes {
+            let weight = f64::from(*weight);
+            if weight <= 0.0 {
+                continue;
+            }
+            if rest < weight {
+                return Some((lobe, (rest / weight).min(1.0 - f64::EPSILON)));
+            }
+            // rounding may leave a little beyond the last lobe
+            chosen = Some((lobe, 1.0 - f64::EPSILON));
+            rest -= weight;
+        }
+        chosen
+    }
+
+    fn sample_specular(&self, lobe: &Lobe, label: Label, given: DVec3) -> Option<BsdfSample> {
+        let above = given.z > 0.0;
+        let transmits = label == Label::SpecularTransmit;
+        let refracts = transmits && matches!(lobe, Lobe::Dielectric(_));
+        let w = if refracts {
+            let (near, far) = self.interface.sides(above);
+            let normal = if above { DVec3::Z } else { -DVec3::Z };
+            fresnel::refract(given, normal, near[0], far[0])?
+        } else if transmits {
+            -given
+        } else {
+            DVec3::new(-given.x, -given.y, given.z)
+        };
+        if w.z == 0.0 {
+            return None;
+        }
+        let pdf = self.label_probability(label, given);
+        Some(BsdfSample {
+            w,
+            label,
+            weight: self.specular(label, given.z.abs(), above) * (1.0 / pdf) as f32,
+            pdf,
+            pdf_reverse: self.label_probability(label, w),
+            dispersive: refracts && self.interface.dispersive,
+            columns: None,
+        })
+    }
+
+    fn sample_non_specular(&self, given: DVec3, w: DVec3, generate: Side) -> Option<BsdfSample> {
+        let (pdf, pdf_reverse, columns, g) = match generate {
+            Side::Camera => {
+                let e = self.eval(given, w);
+                (e.pdf_camera, e.pdf_light, e.columns, e.g)
+            }
+            Side::Light => {
+                let e = self.eval(w, given);
+                (
+                    e.pdf_light,
+                    e.pdf_camera,
+                    e.columns.map(|(camera, light)| (light, camera)),
+                    e.g,
+                )
+            }
+        };
+        if pdf <= 0.0 || !pdf.is_finite() {
+            return None;
+        }
+        let eta = self.interface.near(w.z > 0.0);
+        let projected = w.z.abs() / pdf;
+        let weight = self
+            .interface
+            .lanes(|k| f64::from(g[k]) * eta[k] * eta[k] * projected);
+        Some(BsdfSample {
+            w,
+            label: Label::NonSpecular,
+            weight,
+            pdf,
+            pdf_reverse,
+            dispersive: false,
+            columns,
+        })
+    }
+
+    /// Colour for the preview AOV: the share scattered at normal incidence from above, transmission included (clear
+    /// glass is white), per lane.
     #[must_use]
     pub fn albedo(&self) -> SampledSpectrum {
-        todo!()
+        let (near, far) = self.interface.sides(true);
+        let mut sum = SampledSpectrum::ZERO;
+        for (weight, lobe) in &self.lobes {
+            let share = match lobe {
+                Lobe::Diffuse(lobe) => lobe.reflectance,
+                Lobe::Conductor(lobe) => {
+                    conductor::Mirror::Metal(lobe.metal).reflectance(1.0, true, &self.interface)
+                }
+                Lobe::RoughDielectric(lobe) => {
+                    let r = self
+                        .interface
+                        .lanes(|k| fresnel::dielectric(1.0, near[k], far[k]));
+                    r * lobe.reflect_tint + (SampledSpectrum::ONE - r) * lobe.transmit_tint
+                }
+                specular => {
+                    specular.specular(Label::SpecularReflect, 1.0, true, &self.interface)
+                        + specular.specular(Label::SpecularTransmit, 1.0, true, &self.interface)
+                }
+            };
+            sum += share * *weight;
+        }
+        sum
     }
 }
+
+#[cfg(test)]
+mod tests;

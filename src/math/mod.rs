@@ -1,5 +1,7 @@
 //! Geometry and statistics that know nothing of light.
 
+#[cfg(test)]
+pub(crate) mod chi_square;
 pub mod distribution;
 pub mod frame;
 pub mod hash;

@@ -1,0 +1,56 @@
+//! The refractive indices on the two sides of a surface.
+//!
+//! Invariant: without `dispersive` the ratio of the two indices is the same in all lanes.
+
+use super::fresnel;
+use crate::spectrum::{MAX_LANES, SampledSpectrum};
+
+/// Refractive indices on the two sides of a surface, per lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Interface {
+    /// On the side the normal points to.
+    pub eta_above: [f64; MAX_LANES],
+    /// On the other side.
+    pub eta_below: [f64; MAX_LANES],
+    /// Lanes in use.
+    pub count: usize,
+    /// The ratio of the two indices differs between wavelengths.
+    pub dispersive: bool,
+}
+
+impl Interface {
+    /// Indices on the side `above` (or not) the normal.
+    pub(crate) fn near(&self, above: bool) -> &[f64; MAX_LANES] {
+        if above {
+            &self.eta_above
+        } else {
+            &self.eta_below
+        }
+    }
+
+    /// Indices on the side `above`, then on the other.
+    pub(crate) fn sides(&self, above: bool) -> (&[f64; MAX_LANES], &[f64; MAX_LANES]) {
+        (self.near(above), self.near(!above))
+    }
+
+    /// `f` of each lane in use, 0 in the others.
+    pub(super) fn lanes(&self, mut f: impl FnMut(usize) -> f64) -> SampledSpectrum {
+        let mut out = SampledSpectrum::ZERO;
+        for k in 0..self.count {
+            out[k] = f(k) as f32;
+        }
+        out
+    }
+
+    /// Fresnel reflectance at cosine `cos` on the side `above`, averaged over the lanes in use: the probability of
+    /// choosing reflection, the same whichever lane is the hero.
+    pub(super) fn mean_reflectance(&self, cos: f64, above: bool) -> f64 {
+        let (near, far) = self.sides(above);
+        // without dispersion the ratio of the indices, hence the reflectance, is that of the hero
+        let lanes = if self.dispersive { self.count } else { 1 };
+        let sum: f64 = (0..lanes)
+            .map(|k| fresnel::dielectric(cos, near[k], far[k]))
+            .sum();
+        sum / lanes as f64
+    }
+}
