@@ -16,10 +16,9 @@ pub mod selection;
 pub mod spot;
 
 use crate::geometry::{Accel, DirectionalDensity, EndPoint, SurfacePoint, Transform};
-use crate::math::frame::Frame;
+use crate::math::{frame::Frame, sampling};
 use crate::spectrum::{Emission, SampledSpectrum, SampledWavelengths};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use std::f64::consts::TAU;
 
 /// Index of a light in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -307,8 +306,6 @@ impl Light {
     }
 }
 
-const PI_INV: f64 = std::f64::consts::FRAC_1_PI;
-
 /// The same number in every lane: a weight or value for unit emission.
 fn factor(value: f64) -> SampledSpectrum {
     SampledSpectrum::splat(value as f32)
@@ -344,19 +341,9 @@ fn placed_axis(transform: &Transform, time: f64) -> DVec3 {
 
 /// A point of the disc of the bounding sphere's radius, one radius before the centre, normal to `direction`.
 fn far_disk_origin(context: &LightContext, direction: DVec3, u: DVec2) -> DVec3 {
-    let disk = unit_disk(u).extend(-1.0);
+    let disk = sampling::disk(u.into()).extend(-1.0);
     context.center + context.radius * Frame::from_z(direction).to_outer(disk)
 }
 
-fn unit_disk(u: DVec2) -> DVec2 {
-    u.x.sqrt() * DVec2::from_angle(TAU * u.y)
-}
-
-fn unit_sphere(u: DVec2) -> DVec3 {
-    let z = 1.0 - 2.0 * u.x;
-    (DVec2::from_angle(TAU * u.y) * (1.0 - z * z).max(0.0).sqrt()).extend(z)
-}
-
-fn cosine_hemisphere(u: DVec2) -> DVec3 {
-    unit_disk(u).extend((1.0 - u.x).sqrt())
-}
+#[cfg(test)]
+mod tests;
