@@ -150,8 +150,9 @@ impl WavelengthDistribution {
                         .sum::<f64>()
             };
             // An emitter that nobody sees still reaches spectral channels: it counts by its plain power.
-            let seen = power(true) > 0.0;
-            let share = power(seen);
+            let visible = power(true);
+            let seen = visible > 0.0;
+            let share = if seen { visible } else { power(false) };
             if let Some(curve) = &emission.continuous {
                 curve.append_knots_nm(&mut knots);
                 continuous.push((curve, factor, seen));

@@ -4,6 +4,8 @@
 //! and compares noise-free XYZ values. Without Python 3 or network it fails; `ABBE_SKIP_PYTHON=1` skips it.
 //! `PYTHON` names another interpreter.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers of tests, outside #[test] functions
+
 use std::fs::{self, File};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Write;
@@ -160,6 +162,27 @@ fn xyz_agrees_with_colour_science() {
         "{} colors, largest CIEDE2000 difference {worst:.2e}",
         answers.len()
     );
+}
+
+/// The same numbers, frozen: needs no Python.
+#[test]
+fn xyz_agrees_with_the_frozen_values() {
+    let expected = include_str!("expected.csv");
+    let cases = cases();
+    let mut seen = 0;
+    for row in expected.lines().filter(|l| !l.starts_with('#')).skip(1) {
+        let mut fields = row.split(',');
+        let name = fields.next().unwrap();
+        let want: Vec<f64> = fields.map(|f| f.parse().unwrap()).collect();
+        let case = cases.iter().find(|c| c["name"] == name).unwrap();
+        let largest = want.iter().copied().fold(0.0, f64::max);
+        for (c, want) in want.iter().enumerate() {
+            let got = case["xyz"][c].as_f64().unwrap();
+            assert!((got - want).abs() < 1e-4 * largest, "{name}: {got} {want}");
+        }
+        seen += 1;
+    }
+    assert_eq!(seen, 6 + 5 + 24 * 3);
 }
 
 #[test]
