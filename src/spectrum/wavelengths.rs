@@ -34,7 +34,7 @@ impl SampledWavelengths {
         self.lambda_nm[lane]
     }
 
-    /// Density of lane `lane`: a probability at an atom, per nanometre elsewhere.
+    /// Density of lane `lane`: a probability at an atom, per nanometer elsewhere.
     #[must_use]
     pub fn pdf(&self, lane: usize) -> f64 {
         self.pdf[lane]
