@@ -135,7 +135,7 @@ fn to_mesh(mesh: tobj::Mesh) -> Result<Mesh, MeshError> {
     // Attributes given for some faces only are no attributes of the mesh.
     let normals = Some(groups(&mesh.normals)).filter(|n| n.len() == positions.len());
     let uvs = Some(groups(&mesh.texcoords)).filter(|n| n.len() == positions.len());
-    Mesh::new(positions, normals, uvs, groups(&mesh.indices))
+    Mesh::new(&positions, normals, uvs, groups(&mesh.indices))
 }
 
 /// Splits a flat array; an incomplete last group is dropped.
