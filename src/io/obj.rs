@@ -112,7 +112,7 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Vec<ObjModel>, ObjErr
         .filter(|model| !model.mesh.indices.is_empty())
         .map(|model| {
             let tobj::Model { mesh, name } = model;
-            match to_mesh(mesh) {
+            match to_mesh(&mesh) {
                 Ok(mesh) => Ok(ObjModel { name, mesh }),
                 Err(source) => Err(ObjError::Mesh {
                     path: path.to_owned(),
@@ -130,7 +130,7 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Vec<ObjModel>, ObjErr
     Ok(meshes)
 }
 
-fn to_mesh(mesh: tobj::Mesh) -> Result<Mesh, MeshError> {
+fn to_mesh(mesh: &tobj::Mesh) -> Result<Mesh, MeshError> {
     let positions = groups(&mesh.positions);
     // Attributes given for some faces only are no attributes of the mesh.
     let normals = Some(groups(&mesh.normals)).filter(|n| n.len() == positions.len());

@@ -162,6 +162,7 @@ fn occluded_chords(bencher: Bencher) {
     occluded(bencher, &chords());
 }
 
+#[expect(clippy::print_stdout, reason = "the output of a benchmark")]
 fn main() {
     if let Shape::Mesh(mesh) = &SCENE.instances()[0].shape {
         let (n, bytes) = (mesh.triangle_count(), mesh.bytes());
