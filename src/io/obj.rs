@@ -102,7 +102,7 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Mesh, ObjError> {
     if all.triangles.is_empty() {
         return Err(ObjError::Empty { path: path.to_owned() });
     }
-    Mesh::new(all.positions, all.normals, all.uvs, all.triangles)
+    Mesh::new(&all.positions, all.normals, all.uvs, all.triangles)
         .map_err(|source| ObjError::Mesh { path: path.to_owned(), source })
 }
 
