@@ -36,23 +36,64 @@ fn run(valid: &[u8], dictionary: &[&[u8]], read: fn(&[u8])) {
     for index in 0..MUTATIONS {
         let bytes = mutate(valid, index, dictionary);
         let outcome = std::panic::catch_unwind(|| read(&bytes));
-        assert!(outcome.is_ok(), "mutation {index} panics: {:?}", String::from_utf8_lossy(&bytes));
+        assert!(
+            outcome.is_ok(),
+            "mutation {index} panics: {:?}",
+            String::from_utf8_lossy(&bytes)
+        );
     }
 }
 
 #[test]
 fn scenes() {
-    let dictionary: [&[u8]; 12] =
-        [b"nan", b"-1e308", b"inf", b"[]", b"{}", b"\"\"", b"9223372036854775807", b"[[", b"]", b" = ", b"0", b"\"ball\""];
-    run(include_bytes!("valid.toml"), &dictionary, abbe::io::scene_file::fuzz_scene);
+    let dictionary: [&[u8]; 12] = [
+        b"nan",
+        b"-1e308",
+        b"inf",
+        b"[]",
+        b"{}",
+        b"\"\"",
+        b"9223372036854775807",
+        b"[[",
+        b"]",
+        b" = ",
+        b"0",
+        b"\"ball\"",
+    ];
+    run(
+        include_bytes!("valid.toml"),
+        &dictionary,
+        abbe::io::scene_file::fuzz_scene,
+    );
 }
 
 #[test]
 fn images() {
-    run(&valid_exr(), &[&[0; 4], &[255; 4], &[0x7f, 0xff, 0xff, 0xff], &[0, 0, 0, 0x80], b"\0"], abbe::io::exr::fuzz_exr);
+    run(
+        &valid_exr(),
+        &[
+            &[0; 4],
+            &[255; 4],
+            &[0x7f, 0xff, 0xff, 0xff],
+            &[0, 0, 0, 0x80],
+            b"\0",
+        ],
+        abbe::io::exr::fuzz_exr,
+    );
 }
 
 #[test]
 fn parts() {
-    run(&valid_part(), &[&[0; 4], &[255; 4], b"-1", b"18446744073709551615", b"}", b"[]"], abbe::io::part::fuzz_part);
+    run(
+        &valid_part(),
+        &[
+            &[0; 4],
+            &[255; 4],
+            b"-1",
+            b"18446744073709551615",
+            b"}",
+            b"[]",
+        ],
+        abbe::io::part::fuzz_part,
+    );
 }

@@ -6,8 +6,12 @@ use std::path::{Path, PathBuf};
 
 fn cases() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bad_input/cases");
-    let entries = fs::read_dir(folder).expect("folder of cases").map(|e| e.expect("entry").path());
-    let mut files: Vec<PathBuf> = entries.filter(|p| p.extension().is_some_and(|e| e == "toml")).collect();
+    let entries = fs::read_dir(folder)
+        .expect("folder of cases")
+        .map(|e| e.expect("entry").path());
+    let mut files: Vec<PathBuf> = entries
+        .filter(|p| p.extension().is_some_and(|e| e == "toml"))
+        .collect();
     files.sort();
     files
 }
@@ -29,7 +33,9 @@ fn every_bad_scene_gets_exactly_its_messages() {
         }
         let expected = fs::read_to_string(&expected_path).unwrap_or_default();
         if found != expected.trim_end() {
-            wrong.push(format!("{name}\n  expected:\n{expected}\n  found:\n{found}"));
+            wrong.push(format!(
+                "{name}\n  expected:\n{expected}\n  found:\n{found}"
+            ));
         }
     }
     assert!(files.len() >= 35, "only {} cases found", files.len());
@@ -40,8 +46,13 @@ fn every_bad_scene_gets_exactly_its_messages() {
 fn overrides_say_which_one_is_wrong() {
     let scene = include_str!("valid.toml");
     let message = |key: &str, value: &str| {
-        let overrides = [("render.spp".to_owned(), "8".to_owned()), (key.to_owned(), value.to_owned())];
-        check_str(scene, "valid.toml", Path::new("."), &overrides).map(|_| ()).map_err(|e| e.to_string())
+        let overrides = [
+            ("render.spp".to_owned(), "8".to_owned()),
+            (key.to_owned(), value.to_owned()),
+        ];
+        check_str(scene, "valid.toml", Path::new("."), &overrides)
+            .map(|_| ())
+            .map_err(|e| e.to_string())
     };
     for (key, value) in [
         ("render.integrator", "path"),
@@ -51,15 +62,44 @@ fn overrides_say_which_one_is_wrong() {
     ] {
         // the last one replaces a name by a table
         let expected_ok = key != "render.wavelengths.line_nm";
-        assert_eq!(message(key, value).is_ok(), expected_ok, "{key}={value}: {:?}", message(key, value));
+        assert_eq!(
+            message(key, value).is_ok(),
+            expected_ok,
+            "{key}={value}: {:?}",
+            message(key, value)
+        );
     }
     for (key, value, expected) in [
-        ("render.spq", "8", "--set render.spq=8: unknown key \"spq\" (did you mean \"spp\"?)"),
-        ("render.lanes", "3", "--set render.lanes=3: lanes is 3 (allowed: 1, 4 or 8)"),
-        ("render.seed", "x", "--set render.seed=x: invalid type: string \"x\", expected i64"),
-        ("object.7.material", "x", "--set object.7.material=x: no list element \"7\" (allowed: 0..4, or an element's name)"),
-        ("render..spp", "1", "--set render..spp=1: the key has an empty part (allowed: names and indices joined by dots)"),
-        ("unit.x", "1", "--set unit.x=1: \"x\" cannot be set inside a value of type string"),
+        (
+            "render.spq",
+            "8",
+            "--set render.spq=8: unknown key \"spq\" (did you mean \"spp\"?)",
+        ),
+        (
+            "render.lanes",
+            "3",
+            "--set render.lanes=3: lanes is 3 (allowed: 1, 4 or 8)",
+        ),
+        (
+            "render.seed",
+            "x",
+            "--set render.seed=x: invalid type: string \"x\", expected i64",
+        ),
+        (
+            "object.7.material",
+            "x",
+            "--set object.7.material=x: no list element \"7\" (allowed: 0..4, or an element's name)",
+        ),
+        (
+            "render..spp",
+            "1",
+            "--set render..spp=1: the key has an empty part (allowed: names and indices joined by dots)",
+        ),
+        (
+            "unit.x",
+            "1",
+            "--set unit.x=1: \"x\" cannot be set inside a value of type string",
+        ),
     ] {
         assert_eq!(message(key, value).expect_err(key), expected);
     }
@@ -69,16 +109,33 @@ fn overrides_say_which_one_is_wrong() {
 fn a_scene_file_above_the_limit_is_not_read() {
     let dir = tempfile::tempdir().expect("temporary folder");
     let path = dir.path().join("big.toml");
-    fs::File::create(&path).and_then(|f| f.set_len((16 << 20) + 1)).expect("sparse file");
-    let text = abbe::io::scene_file::load(&path, &[]).expect_err("too large").to_string();
+    fs::File::create(&path)
+        .and_then(|f| f.set_len((16 << 20) + 1))
+        .expect("sparse file");
+    let text = abbe::io::scene_file::load(&path, &[])
+        .expect_err("too large")
+        .to_string();
     let p = path.display();
-    assert_eq!(text, format!("{p}: file \"{p}\" has 16777217 bytes (allowed: at most 16777216)"));
+    assert_eq!(
+        text,
+        format!("{p}: file \"{p}\" has 16777217 bytes (allowed: at most 16777216)")
+    );
 }
 
 #[test]
 fn hash_ignores_layout_and_render_but_no_value() {
-    let hash = |text: &str| check_str(text, "s", Path::new("."), &[]).expect("valid").hash;
+    let hash = |text: &str| {
+        check_str(text, "s", Path::new("."), &[])
+            .expect("valid")
+            .hash
+    };
     let scene = include_str!("valid.toml");
-    assert_eq!(hash(scene), hash(&scene.replace("spp = 16", "spp = 17 # more")));
-    assert_ne!(hash(scene), hash(&scene.replace("radius = 5", "radius = 6")));
+    assert_eq!(
+        hash(scene),
+        hash(&scene.replace("spp = 16", "spp = 17 # more"))
+    );
+    assert_ne!(
+        hash(scene),
+        hash(&scene.replace("radius = 5", "radius = 6"))
+    );
 }

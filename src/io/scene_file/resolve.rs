@@ -10,6 +10,10 @@ use crate::scene::description::SceneDescription;
 ///
 /// # Errors
 /// Unknown library names, meshes that cannot be read, indices out of range.
-pub fn resolve(_plan: Plan, _hash: u64, _source: &Source) -> Result<SceneDescription, SceneFileErrors> {
+pub fn resolve(
+    _plan: Plan,
+    _hash: u64,
+    _source: &Source,
+) -> Result<SceneDescription, SceneFileErrors> {
     todo!("spectra, lights and cameras")
 }

@@ -25,10 +25,22 @@ struct Allowed {
 /// Beyond this, squares and products of lengths overflow.
 const LARGEST: f64 = 1e30;
 
-const FINITE: Allowed = Allowed { text: "a finite number", test: |v| v.abs() <= LARGEST };
-const POSITIVE: Allowed = Allowed { text: "a finite number > 0", test: |v| v > 1.0 / LARGEST && v <= LARGEST };
-const NON_NEGATIVE: Allowed = Allowed { text: "a finite number >= 0", test: |v| (0.0..=LARGEST).contains(&v) };
-const UNIT_INTERVAL: Allowed = Allowed { text: "0 to 1", test: |v| (0.0..=1.0).contains(&v) };
+const FINITE: Allowed = Allowed {
+    text: "a finite number",
+    test: |v| v.abs() <= LARGEST,
+};
+const POSITIVE: Allowed = Allowed {
+    text: "a finite number > 0",
+    test: |v| v > 1.0 / LARGEST && v <= LARGEST,
+};
+const NON_NEGATIVE: Allowed = Allowed {
+    text: "a finite number >= 0",
+    test: |v| (0.0..=LARGEST).contains(&v),
+};
+const UNIT_INTERVAL: Allowed = Allowed {
+    text: "0 to 1",
+    test: |v| (0.0..=1.0).contains(&v),
+};
 
 /// Names defined in the file, including those whose definition is wrong (so that their uses are not reported too).
 #[derive(Clone, Debug, Default)]
@@ -60,7 +72,12 @@ pub struct Checker<'a> {
 }
 
 /// Checks a scene file. The plan is complete only if `errors` stays empty.
-pub fn check<'a>(file: &SceneFile, source: &'a Source, folder: &'a Path, names: &'a Names) -> (Plan, Checker<'a>) {
+pub fn check<'a>(
+    file: &SceneFile,
+    source: &'a Source,
+    folder: &'a Path,
+    names: &'a Names,
+) -> (Plan, Checker<'a>) {
     let mut checker = Checker {
         source,
         folder,
@@ -79,7 +96,7 @@ pub fn check<'a>(file: &SceneFile, source: &'a Source, folder: &'a Path, names: 
 impl Checker<'_> {
     fn plan(&mut self, file: &SceneFile) -> Plan {
         for (name, spectrum) in &file.spectrum {
-            let plan = self.spectrum_definition(spectrum);
+            let plan = self.spectrum_definition(name.get_ref(), spectrum);
             self.spectra.insert(name.get_ref().clone(), plan);
         }
         let (settings, wavelengths) = self.render(&file.render);
@@ -88,8 +105,19 @@ impl Checker<'_> {
         let mut materials: Vec<_> = file.material.values().map(|m| self.material(m)).collect();
         materials.push(Vec::new());
         let mesh_ids = self.named_meshes(&file.mesh);
-        let objects = self.objects(&file.object, &file.material, &materials, &medium_ids, &mesh_ids);
-        let lights = file.light.iter().enumerate().filter_map(|(i, l)| self.light(i, l)).collect();
+        let objects = self.objects(
+            &file.object,
+            &file.material,
+            &materials,
+            &medium_ids,
+            &mesh_ids,
+        );
+        let lights = file
+            .light
+            .iter()
+            .enumerate()
+            .filter_map(|(i, l)| self.light(i, l))
+            .collect();
         let sensors = self.sensors(&file.sensor, &file.render);
         Plan {
             media,
@@ -104,8 +132,15 @@ impl Checker<'_> {
         }
     }
 
-    fn media(&mut self, ambient: Option<&At<String>>, defined: &Named<At<super::schema::Medium>>) -> Vec<MediumPlan> {
-        let mut media: Vec<MediumPlan> = defined.iter().map(|(name, m)| self.medium(name.get_ref(), m)).collect();
+    fn media(
+        &mut self,
+        ambient: Option<&At<String>>,
+        defined: &Named<At<super::schema::Medium>>,
+    ) -> Vec<MediumPlan> {
+        let mut media: Vec<MediumPlan> = defined
+            .iter()
+            .map(|(name, m)| self.medium(name.get_ref(), m))
+            .collect();
         if let Some(name) = ambient {
             if let Some(i) = media.iter().position(|m| m.name == *name.get_ref()) {
                 let chosen = media.remove(i);
@@ -115,7 +150,15 @@ impl Checker<'_> {
             self.unknown("medium", name, &self.names.media);
         }
         let ior = IorPlan::Constant { n: 1.0, k: 0.0 };
-        media.insert(0, MediumPlan { name: "ambient".to_owned(), ior, absorption: None, use_k: false });
+        media.insert(
+            0,
+            MediumPlan {
+                name: "ambient".to_owned(),
+                ior,
+                absorption: None,
+                use_k: false,
+            },
+        );
         media
     }
 
@@ -137,7 +180,14 @@ impl Checker<'_> {
 
     fn number_at(&mut self, what: &str, value: f64, at: &Span, allowed: Allowed) -> f64 {
         if !(allowed.test)(value) {
-            self.error(at, Problem::Range { what: what.to_owned(), value: value.to_string(), allowed: allowed.text });
+            self.error(
+                at,
+                Problem::Range {
+                    what: what.to_owned(),
+                    value: value.to_string(),
+                    allowed: allowed.text,
+                },
+            );
         }
         value
     }
@@ -147,10 +197,24 @@ impl Checker<'_> {
     }
 
     /// An integer of `low..=high`.
-    fn integer(&mut self, what: &str, value: &At<i64>, low: i64, high: i64, allowed: &'static str) -> i64 {
+    fn integer(
+        &mut self,
+        what: &str,
+        value: &At<i64>,
+        low: i64,
+        high: i64,
+        allowed: &'static str,
+    ) -> i64 {
         let v = *value.get_ref();
         if !(low..=high).contains(&v) {
-            self.error(&value.span(), Problem::Range { what: what.to_owned(), value: v.to_string(), allowed });
+            self.error(
+                &value.span(),
+                Problem::Range {
+                    what: what.to_owned(),
+                    value: v.to_string(),
+                    allowed,
+                },
+            );
         }
         v.clamp(low, high)
     }
@@ -178,20 +242,37 @@ impl Checker<'_> {
         // scaled first: the square of a tiny or huge component leaves the range of f64
         let unit = (v / v.abs().max_element()).try_normalize();
         if unit.is_none() && v.is_finite() {
-            self.conflict(&value.span(), format!("{what} has no direction (allowed: a vector other than zero)"));
+            self.conflict(
+                &value.span(),
+                format!("{what} has no direction (allowed: a vector other than zero)"),
+            );
         }
         unit.unwrap_or(DVec3::Z)
     }
 
     /// The index of the only `Some` among `choices`; otherwise says so and gives `None`.
     fn exactly_one(&mut self, at: &Span, owner: &str, choices: &[(&str, bool)]) -> Option<usize> {
-        let mut given = choices.iter().enumerate().filter(|(_, c)| c.1).map(|(i, _)| i);
+        let mut given = choices
+            .iter()
+            .enumerate()
+            .filter(|(_, c)| c.1)
+            .map(|(i, _)| i);
         match (given.next(), given.next()) {
             (Some(i), None) => Some(i),
             (first, _) => {
                 let all: Vec<&str> = choices.iter().map(|c| c.0).collect();
-                let found = if first.is_some() { "more than one" } else { "none" };
-                self.conflict(at, format!("{owner} needs exactly one of {} (found {found})", all.join(", ")));
+                let found = if first.is_some() {
+                    "more than one"
+                } else {
+                    "none"
+                };
+                self.conflict(
+                    at,
+                    format!(
+                        "{owner} needs exactly one of {} (found {found})",
+                        all.join(", ")
+                    ),
+                );
                 None
             }
         }
@@ -212,7 +293,9 @@ impl Checker<'_> {
 
     /// Rows of a table file; empty where there is an error.
     fn csv<const N: usize>(&mut self, name: &At<String>) -> Vec<[f64; N]> {
-        let Some(path) = self.file(name, files::MAX_CSV_BYTES) else { return Vec::new() };
+        let Some(path) = self.file(name, files::MAX_CSV_BYTES) else {
+            return Vec::new();
+        };
         files::read_csv(&path, name.get_ref()).unwrap_or_else(|problem| {
             self.error(&name.span(), problem);
             Vec::new()
