@@ -170,7 +170,7 @@ fn damaged_images() {
     }
     assert_eq!(
         exr_error(b"\x89PNG\r\n\x1a\n0000"),
-        "not a readable OpenEXR image (invalid data: file identifier missing)"
+        "not a readable OpenEXR image (invalid: file identifier missing)"
     );
 }
 

@@ -83,7 +83,7 @@ fn overrides_say_which_one_is_wrong() {
         (
             "render.seed",
             "x",
-            "--set render.seed=x: invalid type: string \"x\", expected i64",
+            "--set render.seed=x: invalid type: string \"x\", expected a whole number",
         ),
         (
             "object.7.material",
