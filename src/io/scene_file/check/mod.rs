@@ -307,3 +307,89 @@ impl Checker<'_> {
 fn label(name: Option<&At<String>>, kind: &str, index: usize) -> String {
     name.map_or_else(|| format!("{kind} {index}"), |n| n.get_ref().clone())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::check_str;
+    use super::super::plan::{Plan, SensorKind};
+    use super::*;
+    use crate::scene::description::WavelengthChoice;
+
+    fn plan(text: &str) -> Plan {
+        let sensor = "[[sensor]]\nperspective = { eye = [1, 2, 3], target = [1, 2, -7], fov_deg = 90, f_number = 2, \
+                      focal_length = 50, focus_distance = 100 }\n";
+        let text = format!("unit = \"mm\"\n{sensor}{text}");
+        check_str(&text, "test", Path::new("/nonexistent"), &[])
+            .unwrap_or_else(|e| panic!("{e}"))
+            .plan
+    }
+
+    fn near(a: DVec3, b: [f64; 3]) {
+        assert!(
+            (a - DVec3::from_array(b)).length() < 1e-15,
+            "{a} is not {b:?}"
+        );
+    }
+
+    #[test]
+    fn cameras_look_along_minus_z() {
+        let SensorKind::Perspective {
+            to_world,
+            fov_rad,
+            aperture_radius_m,
+            focus_distance_m,
+        } = plan("").sensors[0].kind
+        else {
+            panic!("another kind")
+        };
+        near(
+            to_world.transform_point3(DVec3::ZERO),
+            [0.001, 0.002, 0.003],
+        );
+        near(to_world.transform_vector3(DVec3::X), [1.0, 0.0, 0.0]);
+        near(to_world.transform_vector3(DVec3::Y), [0.0, 1.0, 0.0]);
+        near(to_world.transform_vector3(DVec3::Z), [0.0, 0.0, 1.0]);
+        assert_eq!(fov_rad, std::f64::consts::FRAC_PI_2);
+        assert!(
+            (aperture_radius_m - 0.0125).abs() < 1e-15 && (focus_distance_m - 0.1).abs() < 1e-15
+        );
+    }
+
+    #[test]
+    fn canonical_shapes_land_where_the_file_says() {
+        let objects = plan(
+            "[[object]]\ncylinder = { from = [0, 0, 0], to = [4, 0, 0], radius = 1 }\nemission = 1\n\
+             [[object]]\nquad = { center = [1, 0, 0], u = [2, 0, 0], v = [0, 3, 0] }\nemission = 1\n\
+             [[object]]\nbox = { min = [0, 0, 0], max = [2, 4, 6] }\nemission = 1\n\
+             [[object]]\ndisk = { normal = [0, -1, 0], radius = 2 }\nemission = 1\n\
+             [[object]]\nsphere = { radius = 1 }\nemission = 1\ntransform = [{ scale = [2, 1, 1] }, { rotate = { axis = [0, 0, 1], deg = 90 } }, { translate = [10, 0, 0] }]\n",
+        )
+        .objects;
+        let at = |i: usize, p: [f64; 3]| objects[i].to_world.transform_point3(DVec3::from_array(p));
+        near(at(0, [0.0, 0.0, 1.0]), [0.004, 0.0, 0.0]);
+        near(at(0, [0.0, 0.0, -1.0]), [0.0; 3]);
+        near(at(1, [1.0, 1.0, 0.0]), [0.003, 0.003, 0.0]);
+        near(at(2, [-1.0; 3]), [0.0; 3]);
+        near(at(2, [1.0; 3]), [0.002, 0.004, 0.006]);
+        near(at(3, [0.0, 0.0, 0.5]).normalize(), [0.0, -1.0, 0.0]);
+        // scaled, then turned, then moved
+        near(at(4, [1.0, 0.0, 0.0]), [0.01, 0.002, 0.0]);
+    }
+
+    #[test]
+    fn detectors_face_u_cross_v() {
+        let text = "[[sensor]]\nname = \"d\"\ndetector = { center = [0, 0, 0], normal = [0, 0, 2], width = 20, height = 10, pitch = 0.5 }\n\
+                    [render]\nwavelengths = { lines_nm = [656, 486, 656] }\n";
+        let p = plan(text);
+        let SensorKind::Detector { u, v, .. } = p.sensors[1].kind else {
+            panic!("another kind")
+        };
+        near(u, [0.01, 0.0, 0.0]);
+        near(v, [0.0, 0.005, 0.0]);
+        assert_eq!(p.sensors[1].resolution, [40, 20]);
+        assert_eq!(
+            p.wavelengths.choice,
+            WavelengthChoice::Lines(vec![486.0, 656.0])
+        );
+    }
+}

@@ -8,9 +8,9 @@ mod render;
 mod sensor;
 mod spectrum;
 
-pub use object::{InterfaceMedia, Light, Mesh, Object, Quad, Scale, TransformStep};
+pub use object::{Light, Mesh, Object, Quad, Scale, TransformStep};
 pub use optics::{
-    Absorption, Conductor, Dielectric, Diffuse, Lobe, Material, Medium, Mirror, Roughness, Thin,
+    Absorption, Conductor, Dielectric, Diffuse, Material, Medium, Mirror, Roughness, Thin,
 };
 pub use render::{
     FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, Render, WavelengthName,
