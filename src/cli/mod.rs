@@ -1,3 +1,71 @@
-//! placeholder
-use std::process::ExitCode; /// Runs the command line.
-pub fn run() -> ExitCode { todo!() }
+//! The command line: parses, runs one command, turns the outcome into an exit code. Only this floor prints.
+//!
+//! Results go to stdout; progress, warnings and errors go to stderr, errors as one line each beginning with `error:`.
+
+mod args;
+mod compare;
+mod error;
+mod glass;
+mod image_output;
+mod info;
+mod interrupt;
+mod load;
+mod merge;
+mod progress;
+mod render;
+mod stats;
+mod summary;
+mod usage;
+
+use args::{Arguments, Command};
+use clap::Parser;
+pub use error::CliError;
+use std::process::ExitCode;
+
+/// Exit code of a render that was interrupted and whose image so far was saved.
+const INTERRUPTED: u8 = 130;
+
+/// How a command ended when it did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything asked for was done.
+    Done,
+    /// It was interrupted; what there was has been saved.
+    Interrupted,
+}
+
+/// Runs the command line of this process: 0 done, 1 failed, 2 usage, 130 interrupted with the image saved.
+#[must_use]
+pub fn run() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            // help and version are "errors" with exit code 0; a closed pipe is no reason to fail
+            _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+    };
+    let outcome = match arguments.command {
+        Command::Render(options) => render::run(&options),
+        Command::Info(options) => info::run(&options),
+        Command::Compare(options) => compare::run(&options),
+        Command::Glass(options) => glass::run(&options),
+        Command::Merge(options) => merge::run(&options),
+    };
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Interrupted) => ExitCode::from(INTERRUPTED),
+        Err(error) => {
+            for line in error.to_string().lines() {
+                eprintln!("error: {line}");
+            }
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+/// Writes to stdout. A reader that has closed the pipe (`abbe info SCENE | head`) ends the output, not the command.
+fn print(text: &str) {
+    use std::io::Write;
+    _ = std::io::stdout().lock().write_all(text.as_bytes());
+}

@@ -7,6 +7,7 @@ use super::atomic::{FileError, write_atomic};
 use super::scene_file::document::hash_bytes;
 use crate::film::Crop;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -55,6 +56,8 @@ pub struct PartHeader {
     pub crop: [u32; 4],
     /// Channels per pixel.
     pub channels: u32,
+    /// What the image says of its settings: attribute and text.
+    pub image: BTreeMap<String, String>,
     /// Passes in the sums: sorted, disjoint, not touching.
     pub passes: Vec<PassRange>,
 }
@@ -333,6 +336,7 @@ mod tests {
             height: 3,
             crop: [1, 0, 3, 2],
             channels: 3,
+            image: BTreeMap::from([("integrator".to_owned(), "bdpt".to_owned())]),
             passes: vec![PassRange { seed, start, end }],
         };
         Part {

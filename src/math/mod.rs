@@ -5,6 +5,7 @@ pub(crate) mod chi_square;
 pub mod distribution;
 pub mod frame;
 pub mod hash;
+pub mod image_error;
 pub mod predicates;
 pub mod sampling;
 pub mod stats;

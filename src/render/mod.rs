@@ -3,12 +3,13 @@
 pub mod guides;
 pub mod outputs;
 pub mod pilot;
+pub mod stop;
 pub mod table;
 
 pub use outputs::{OutputRequest, Outputs};
 pub use table::ClassTable;
 
-use crate::film::Crop;
+use crate::film::{AddSumsError, Crop};
 use crate::integrator::{Frame, Workspace, sample_pixel};
 use crate::scene::{Scene, Settings};
 use crate::transport::{Counters, PassSettings, Target};
@@ -86,6 +87,16 @@ impl<'a> Render<'a> {
         self.counters.add(&local.workspace.counters);
         self.table.merge(local.table);
         self.passes.push(index);
+    }
+
+    /// Adds the image sums of passes that were done before.
+    ///
+    /// # Errors
+    /// Where the sums are of another film or overflow.
+    pub fn restore(&mut self, passes: &[u32], sums: &[i128]) -> Result<(), AddSumsError> {
+        self.outputs.image.add_sums(sums)?;
+        self.passes.extend(passes);
+        Ok(())
     }
 
     /// Global indices of the passes done, in the order they were done.

@@ -1,0 +1,51 @@
+//! Errors of the command line: each says what failed and on which file.
+
+use crate::io::scene_file::SceneFileErrors;
+use crate::scene::BuildError;
+use std::path::PathBuf;
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// Options that are legal one by one but not together, or not for this scene.
+    #[error("{0}")]
+    Usage(String),
+    /// A scene file with problems, one line each.
+    #[error("{0}")]
+    SceneFile(#[from] SceneFileErrors),
+    /// A scene file whose parts are valid but make no scene.
+    #[error("{}: {source}", path.display())]
+    Build {
+        /// The scene file.
+        path: PathBuf,
+        /// What is wrong.
+        source: BuildError,
+    },
+    /// A file that cannot be read or written.
+    #[error("{}: {message}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        message: String,
+    },
+    /// Anything else that went wrong.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl CliError {
+    /// A problem with a file.
+    pub fn file(path: impl Into<PathBuf>, message: impl ToString) -> Self {
+        Self::File { path: path.into(), message: message.to_string() }
+    }
+
+    /// 2 for wrong usage, else 1.
+    #[must_use]
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) => 2,
+            _ => 1,
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! A scene file as the commands need it: the built scene, its settings, and what they say of the image.
+
+use super::CliError;
+use crate::film::Filter;
+use crate::io::scene_file::document::hash_bytes;
+use crate::io::scene_file::{self, OutputUnits};
+use crate::scene::description::{WavelengthChoice, WavelengthSettings};
+use crate::scene::settings::{Heuristic, IntegratorKind};
+use crate::scene::{Scene, Settings};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A loaded scene.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The scene.
+    pub scene: Scene,
+    /// How it is rendered.
+    pub settings: Settings,
+    /// Scale of the image.
+    pub units: OutputUnits,
+    /// Working range of wavelengths in nanometers.
+    pub range_nm: [f64; 2],
+    /// What is legal but surely not meant.
+    pub warnings: Vec<String>,
+    wavelengths: WavelengthSettings,
+}
+
+/// Reads and builds a scene.
+pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Loaded, CliError> {
+    let file = scene_file::load(path, overrides)?;
+    let wavelengths = file.description.wavelengths.clone();
+    let scene = Scene::build(file.description).map_err(|source| CliError::Build { path: path.to_owned(), source })?;
+    Ok(Loaded {
+        scene,
+        settings: file.settings,
+        units: file.units,
+        range_nm: wavelengths.range_nm,
+        warnings: file.warnings,
+        wavelengths,
+    })
+}
+
+/// Name of an integrator.
+#[must_use]
+pub fn integrator_name(kind: IntegratorKind) -> &'static str {
+    match kind {
+        IntegratorKind::Path => "path",
+        IntegratorKind::Light => "light",
+        IntegratorKind::Bdpt => "bdpt",
+    }
+}
+
+fn filter_name(filter: &Filter) -> String {
+    match filter {
+        Filter::Box => "box".to_owned(),
+        Filter::Tent { radius } => format!("tent, radius {radius} pixels"),
+        Filter::Gaussian { sigma, radius } => format!("gaussian, sigma {sigma}, radius {radius} pixels"),
+    }
+}
+
+fn wavelengths_name(settings: &WavelengthSettings) -> String {
+    let [low, high] = settings.range_nm;
+    match &settings.choice {
+        WavelengthChoice::Scene => format!("scene, {low}..{high} nm"),
+        WavelengthChoice::Uniform => format!("uniform, {low}..{high} nm"),
+        WavelengthChoice::Visible => format!("visible, {low}..{high} nm"),
+        WavelengthChoice::Lines(lines) => {
+            let lines: Vec<String> = lines.iter().map(f64::to_string).collect();
+            format!("lines {} nm", lines.join(", "))
+        }
+    }
+}
+
+impl Loaded {
+    /// What the image says of how it was made: attribute and text.
+    #[must_use]
+    pub fn image_attributes(&self, sensor: usize) -> BTreeMap<String, String> {
+        let settings = &self.settings;
+        let unit = match self.units {
+            OutputUnits::Radiance => "radiance, unit equal-energy radiance has Y = 1",
+            OutputUnits::Photometric => "photometric, 683 lm/W",
+        };
+        let heuristic = match settings.heuristic {
+            Heuristic::Balance => "balance",
+            Heuristic::Power2 => "power2",
+        };
+        let max_depth = settings.max_depth.map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
+        [
+            ("integrator", integrator_name(settings.integrator).to_owned()),
+            ("heuristic", heuristic.to_owned()),
+            ("lanes", settings.lanes.to_string()),
+            ("maxDepth", max_depth),
+            ("filter", filter_name(&self.scene.sensors[sensor].filter)),
+            ("wavelengths", wavelengths_name(&self.wavelengths)),
+            ("observer", "CIE 1931 2 degree".to_owned()),
+            ("unit", unit.to_owned()),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .into()
+    }
+
+    /// Hash of all that changes the estimate but seed and passes.
+    #[must_use]
+    pub fn settings_hash(&self, sensor: usize) -> u64 {
+        // the debug text names every setting, also those that the image does not
+        let settings = Settings { spp: 0, seed: 0, ..self.settings.clone() };
+        hash_bytes(format!("{settings:?} {:?}", self.image_attributes(sensor)).as_bytes())
+    }
+}

@@ -1,0 +1,326 @@
+//! `abbe render`: loads, renders each sensor pass by pass, writes images, statistics and part files.
+
+use super::args::{Aov, RenderOptions};
+use super::image_output::{
+    add_layers, film_of, guides_for, preview_path, spectral_image, write_image, write_part, xyz_image,
+};
+use super::interrupt::Interrupt;
+use super::load::{self, Loaded};
+use super::progress::Progress;
+use super::stats::{self, SensorStats};
+use super::usage::{bytes_text, film_bytes, geometry_bytes};
+use super::{CliError, Outcome, print, summary};
+use crate::film::{Crop, SensorResponse, SpectralChannels};
+use crate::io::atomic::check_writable;
+use crate::io::part::{self, PartHeader, PassRange};
+use crate::io::scene_file::OutputUnits;
+use crate::render::guides::Guide;
+use crate::render::stop::{StopReason, StopRules};
+use crate::render::{OutputRequest, Render};
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// The image is rewritten at least this often.
+const SAVE_INTERVAL: Duration = Duration::from_secs(60);
+/// One past the last pass of a render that is limited by time or error alone.
+const NO_LIMIT: u32 = u32::MAX - 1;
+
+/// Where the results of one sensor go.
+#[derive(Clone, Debug)]
+struct Targets {
+    image: PathBuf,
+    preview: Option<PathBuf>,
+    spectral: Option<PathBuf>,
+}
+
+/// What all sensors share.
+struct Job<'a> {
+    options: &'a RenderOptions,
+    loaded: &'a Loaded,
+    request: OutputRequest,
+    passes: Range<u32>,
+    rules: StopRules,
+    interrupt: Interrupt,
+}
+
+/// Runs the command.
+pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
+    let loaded = load::load(&options.scene, &options.scene_overrides())?;
+    let sensors = chosen_sensors(options, &loaded)?;
+    let targets: Vec<Targets> = sensors.iter().map(|&s| targets(options, &loaded, s, sensors.len() > 1)).collect();
+    check_targets(options, &targets)?;
+    let crops = sensors.iter().map(|&s| crop(options, &loaded, s)).collect::<Result<Vec<_>, _>>()?;
+    let request = output_request(options, &loaded);
+    check_memory(options, &loaded, &request, &crops)?;
+    if !options.quiet {
+        for warning in &loaded.warnings {
+            eprintln!("warning: {warning}");
+        }
+        print(&summary::effects(&loaded.scene.effects));
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.map_or(0, usize::from)).build();
+    let pool = pool.map_err(|e| CliError::Failed(format!("cannot start threads: {e}")))?;
+    let endless = options.spp.is_none() && (options.time.is_some() || options.target_error.is_some());
+    let job = Job {
+        options,
+        request,
+        passes: options.passes.clone().unwrap_or(0..if endless { NO_LIMIT } else { loaded.settings.spp }),
+        rules: StopRules { time: options.time.map(duration), target_error: options.target_error },
+        interrupt: Interrupt::listen()?,
+        loaded: &loaded,
+    };
+    let threads = pool.current_num_threads();
+    let outcome = pool.install(|| job.render_all(&sensors, &crops, &targets));
+    let (outcome, sensor_stats) = outcome?;
+    if let Some(path) = &options.stats {
+        stats::write(path, &loaded, threads, &sensor_stats)?;
+    }
+    Ok(outcome)
+}
+
+/// Seconds as a duration; a number too large for one is as good as no limit.
+fn duration(seconds: f64) -> Duration {
+    Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
+}
+
+fn chosen_sensors(options: &RenderOptions, loaded: &Loaded) -> Result<Vec<usize>, CliError> {
+    let scene = &loaded.scene;
+    let sensors = match &options.sensor {
+        None => (0..scene.sensors.len()).collect(),
+        Some(name) => {
+            let names: Vec<&str> = scene.sensors.iter().map(|s| s.name.as_str()).collect();
+            let unknown = || CliError::Usage(format!("unknown sensor \"{name}\" (the scene has: {})", names.join(", ")));
+            vec![scene.sensor_index(name).ok_or_else(unknown)?]
+        }
+    };
+    if options.part.is_some() && sensors.len() > 1 {
+        return Err(CliError::Usage(format!("--part holds one sensor, the scene has {}: add --sensor NAME", sensors.len())));
+    }
+    Ok(sensors)
+}
+
+fn targets(options: &RenderOptions, loaded: &Loaded, sensor: usize, several: bool) -> Targets {
+    let default = || PathBuf::from(options.scene.file_stem().unwrap_or_default()).with_added_extension("exr");
+    let mut image = options.output.clone().unwrap_or_else(default);
+    if several {
+        let extension = image.extension().unwrap_or_default().to_owned();
+        image = image.with_extension("").with_added_extension(&loaded.scene.sensors[sensor].name).with_added_extension(extension);
+    }
+    Targets {
+        preview: (!options.no_preview).then(|| preview_path(&image)),
+        spectral: options.spectral.map(|_| image.with_extension("spectral.exr")),
+        image,
+    }
+}
+
+/// All places are tried before hours are spent.
+fn check_targets(options: &RenderOptions, targets: &[Targets]) -> Result<(), CliError> {
+    let images = targets.iter().flat_map(|t| [Some(&t.image), t.preview.as_ref(), t.spectral.as_ref()]);
+    let mut seen = BTreeSet::new();
+    for path in images.chain([options.part.as_ref(), options.stats.as_ref()]).flatten() {
+        check_writable(path).map_err(|e| CliError::Failed(e.to_string()))?;
+        if !seen.insert(path) {
+            return Err(CliError::Usage(format!("{} would be written twice", path.display())));
+        }
+    }
+    Ok(())
+}
+
+fn crop(options: &RenderOptions, loaded: &Loaded, sensor: usize) -> Result<Crop, CliError> {
+    let sensor = &loaded.scene.sensors[sensor];
+    let size = sensor.camera.resolution();
+    match options.crop {
+        None => Ok(Crop { x0: 0, y0: 0, x1: size.width, y1: size.height }),
+        Some(crop) if crop.x1 <= size.width && crop.y1 <= size.height => Ok(crop),
+        Some(crop) => Err(CliError::Usage(format!(
+            "crop {},{},{},{} reaches beyond sensor \"{}\" of {} x {} pixels",
+            crop.x0, crop.y0, crop.x1, crop.y1, sensor.name, size.width, size.height
+        ))),
+    }
+}
+
+fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
+    let spectral = options.spectral.map(|bins| {
+        let lines = loaded.scene.wavelengths.atoms().map(|(nm, _)| nm).collect();
+        SensorResponse::Spectral(SpectralChannels::new(loaded.range_nm, usize::from(bins), lines))
+    });
+    let class = |a: &Aov| if let Aov::Class(regex) = a { Some(regex.clone()) } else { None };
+    OutputRequest {
+        response: match loaded.units {
+            OutputUnits::Radiance => SensorResponse::Xyz,
+            OutputUnits::Photometric => SensorResponse::Photometric,
+        },
+        spectral,
+        strategies: options.aov.iter().any(|a| matches!(a, Aov::Strategies)),
+        classes: options.aov.iter().filter_map(class).collect(),
+        class_table: options.stats.is_some(),
+    }
+}
+
+fn check_memory(options: &RenderOptions, loaded: &Loaded, request: &OutputRequest, crops: &[Crop]) -> Result<(), CliError> {
+    let Some(limit) = options.max_memory else { return Ok(()) };
+    let channels = 3 * (1 + request.classes.len()) + request.spectral.as_ref().map_or(0, SensorResponse::channels);
+    // sensors are rendered one after the other
+    let films = crops.iter().map(|c| film_bytes(c.pixels(), channels as u64)).max().unwrap_or(0);
+    let needed = films.saturating_add(geometry_bytes(&loaded.scene));
+    if needed <= limit {
+        return Ok(());
+    }
+    let (needed, limit) = (bytes_text(needed), bytes_text(limit));
+    Err(CliError::Failed(format!("films and meshes need {needed}, --max-memory allows {limit}")))
+}
+
+impl Job<'_> {
+    fn render_all(&self, sensors: &[usize], crops: &[Crop], targets: &[Targets]) -> Result<(Outcome, Vec<SensorStats>), CliError> {
+        let mut all = Vec::new();
+        for ((&sensor, &crop), targets) in sensors.iter().zip(crops).zip(targets) {
+            let stats = self.render_sensor(sensor, crop, targets)?;
+            let interrupted = stats.stop == StopReason::Interrupted;
+            all.push(stats);
+            if interrupted {
+                return Ok((Outcome::Interrupted, all));
+            }
+        }
+        Ok((Outcome::Done, all))
+    }
+
+    fn render_sensor(&self, sensor: usize, crop: Crop, targets: &Targets) -> Result<SensorStats, CliError> {
+        let Self { options, loaded, .. } = self;
+        let start = Instant::now();
+        let cpu_start = super::usage::cpu_seconds();
+        let mut render = Render::new(&loaded.scene, sensor, &loaded.settings, crop, &self.request);
+        if options.resume {
+            self.resume(sensor, &mut render)?;
+        }
+        let guides = guides_for(&options.aov, &loaded.scene, sensor, &render);
+        let done: BTreeSet<u32> = render.passes().iter().copied().collect();
+        let todo = || self.passes.clone().filter(|p| !done.contains(p));
+        let progress = Progress::new(&loaded.scene.sensors[sensor].name, todo().count() as u64, &self.rules, options.quiet);
+        let mut stop = StopReason::Passes;
+        let mut saved = Instant::now();
+        let mut todo = todo().zip(1_u64..).peekable();
+        while let Some((pass, count)) = todo.next() {
+            let pass_start = Instant::now();
+            render.add_pass(pass);
+            let counters = render.counters();
+            progress.update(count, counters.closest_rays + counters.shadow_rays, start.elapsed());
+            // an interrupt during the last pass changes nothing
+            if todo.peek().is_none() {
+                break;
+            }
+            let reason = if self.interrupt.is_set() {
+                Some(StopReason::Interrupted)
+            } else {
+                self.rules.check(render.passes().len(), start.elapsed(), || render.relative_error())
+            };
+            if let Some(reason) = reason {
+                stop = reason;
+                break;
+            }
+            if saved.elapsed() + pass_start.elapsed() >= SAVE_INTERVAL {
+                self.save(sensor, &render, &guides, targets)?;
+                saved = Instant::now();
+            }
+        }
+        drop(progress);
+        self.save(sensor, &render, &guides, targets)?;
+        let stats = SensorStats::new(&loaded.scene.sensors[sensor].name, &render, stop, start.elapsed(), cpu_start);
+        if !options.quiet {
+            let exposure = targets.preview.as_deref().map(|path| (path, options.exposure));
+            print(&summary::sensor(&targets.image, exposure, &stats));
+        }
+        Ok(stats)
+    }
+
+    /// Continues with what the part file holds, if it is there.
+    fn resume(&self, sensor: usize, render: &mut Render) -> Result<(), CliError> {
+        let Some(path) = self.options.part.as_deref().filter(|p| p.exists()) else { return Ok(()) };
+        let found = part::read(path).map_err(|e| CliError::Failed(e.to_string()))?;
+        let seed = self.loaded.settings.seed;
+        if found.header.passes.iter().any(|p| p.seed != seed) {
+            return Err(CliError::file(path, format!("cannot resume: it holds passes of another seed than {seed}")));
+        }
+        let expected = PartHeader { passes: found.header.passes.clone(), ..self.header(sensor, render) };
+        if found.header != expected {
+            let what = [
+                ("version of the program", found.header.version == expected.version),
+                ("scene", found.header.scene_hash == expected.scene_hash),
+                ("sensor", found.header.sensor == expected.sensor),
+                ("crop", found.header.crop == expected.crop),
+            ];
+            let what = what.iter().find(|w| !w.1).map_or("settings", |w| w.0);
+            return Err(CliError::file(path, format!("cannot resume: it was made with another {what}")));
+        }
+        let passes: Vec<u32> = found.header.passes.iter().flat_map(|p| p.start..p.end).map(|p| p as u32).collect();
+        let film = film_of(&found)?;
+        render.restore(&passes, &film.sums()).map_err(|e| CliError::file(path, e))
+    }
+
+    fn header(&self, sensor: usize, render: &Render) -> PartHeader {
+        let crop = render.crop();
+        let size = self.loaded.scene.sensors[sensor].camera.resolution();
+        PartHeader {
+            version: super::args::VERSION.to_owned(),
+            scene_hash: self.loaded.scene.hash,
+            settings_hash: self.loaded.settings_hash(sensor),
+            sensor: self.loaded.scene.sensors[sensor].name.clone(),
+            width: size.width,
+            height: size.height,
+            crop: [crop.x0, crop.y0, crop.x1, crop.y1],
+            channels: self.request.response.channels() as u32,
+            image: self.loaded.image_attributes(sensor),
+            passes: pass_ranges(render.passes(), self.loaded.settings.seed),
+        }
+    }
+
+    fn save(&self, sensor: usize, render: &Render, guides: &[Guide], targets: &Targets) -> Result<(), CliError> {
+        let header = self.header(sensor, render);
+        if header.passes.is_empty() {
+            return Err(CliError::Failed("there is no pass to render".to_owned()));
+        }
+        let mut image = xyz_image(&render.outputs().image, &header);
+        add_layers(&mut image, &self.options.aov, render, guides);
+        write_image(&targets.image, &image, targets.preview.as_deref(), self.options.exposure)?;
+        if let (Some(path), Some(image)) = (&targets.spectral, spectral_image(render, &header)) {
+            write_image(path, &image, None, 0.0)?;
+        }
+        match &self.options.part {
+            Some(path) => write_part(path, &render.outputs().image, header),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Passes in any order as ranges, sorted and apart.
+fn pass_ranges(passes: &[u32], seed: u64) -> Vec<PassRange> {
+    let mut sorted: Vec<u64> = passes.iter().copied().map(u64::from).collect();
+    sorted.sort_unstable();
+    let mut ranges: Vec<PassRange> = Vec::new();
+    for pass in sorted {
+        match ranges.last_mut().filter(|r| r.end == pass) {
+            Some(range) => range.end += 1,
+            None => ranges.push(PassRange { seed, start: pass, end: pass + 1 }),
+        }
+    }
+    ranges
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_become_ranges() {
+        let range = |start, end| PassRange { seed: 7, start, end };
+        assert_eq!(pass_ranges(&[], 7), []);
+        assert_eq!(pass_ranges(&[5, 0, 1, 2, 6, 9], 7), [range(0, 3), range(5, 7), range(9, 10)]);
+    }
+
+    #[test]
+    fn huge_times_are_no_limit() {
+        assert_eq!(duration(1e300), Duration::MAX);
+        assert_eq!(duration(1.5), Duration::from_millis(1500));
+    }
+}

@@ -1,0 +1,134 @@
+//! Statistics as JSON: what was computed, what it cost, and the table of path classes and strategies.
+
+use super::CliError;
+use super::args::VERSION;
+use super::load::{Loaded, integrator_name};
+use super::usage::{cpu_seconds, peak_memory_bytes};
+use crate::io::atomic::write_atomic;
+use crate::render::Render;
+use crate::render::stop::StopReason;
+use crate::transport::Counters;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::Path;
+use std::time::Duration;
+
+/// Numbers of one sensor's render.
+#[derive(Debug)]
+pub struct SensorStats {
+    /// Name of the sensor.
+    pub name: String,
+    /// Indices of the passes, resumed ones included.
+    pub passes: Vec<u32>,
+    /// Rendered pixels: columns and rows.
+    pub size: [u32; 2],
+    /// Why it ended.
+    pub stop: StopReason,
+    /// Wall time.
+    pub wall: Duration,
+    /// CPU time of all threads.
+    pub cpu_seconds: Option<f64>,
+    /// Counts of this run.
+    pub counters: Counters,
+    /// Contributions left out because they were infinite or not a number.
+    pub non_finite: u64,
+    /// Contributions left out because they were too large.
+    pub saturated: u64,
+    /// Estimated relative error.
+    pub relative_error: Option<f64>,
+    table: Vec<Value>,
+}
+
+impl SensorStats {
+    /// At the end of a render that began `wall` ago.
+    #[must_use]
+    pub fn new(name: &str, render: &Render, stop: StopReason, wall: Duration, cpu_start: Option<f64>) -> Self {
+        let crop = render.crop();
+        let outputs = render.outputs();
+        let rejected = outputs.image.rejected();
+        let counters = *render.counters();
+        // a pass is one sample per pixel, and sums over all pixels are divided by their number
+        let mean = |sum: f64| sum / counters.paths.max(1) as f64;
+        let rows = render.table().rows().map(|((class, s, t), row)| {
+            json!({
+                "class": class.to_string(),
+                "s": s,
+                "t": t,
+                "hits": row.hits,
+                "raw_mean": mean(row.raw),
+                "weighted_mean": mean(row.weighted),
+            })
+        });
+        Self {
+            name: name.to_owned(),
+            passes: render.passes().to_vec(),
+            size: [crop.x1 - crop.x0, crop.y1 - crop.y0],
+            stop,
+            wall,
+            cpu_seconds: cpu_start.and_then(|start| Some(cpu_seconds()? - start)),
+            non_finite: counters.non_finite + rejected.not_finite,
+            saturated: rejected.saturated,
+            relative_error: render.relative_error(),
+            table: rows.collect(),
+            counters,
+        }
+    }
+
+    /// Rays of both kinds.
+    #[must_use]
+    pub fn rays(&self) -> u64 {
+        self.counters.closest_rays + self.counters.shadow_rays
+    }
+
+    fn json(&self) -> Value {
+        let c = &self.counters;
+        json!({
+            "name": self.name,
+            "size": self.size,
+            "passes": self.passes.len(),
+            "first_pass": self.passes.iter().min(),
+            "last_pass": self.passes.iter().max(),
+            "stopped_because": self.stop.text(),
+            "wall_seconds": self.wall.as_secs_f64(),
+            "cpu_seconds": self.cpu_seconds,
+            "closest_rays": c.closest_rays,
+            "shadow_rays": c.shadow_rays,
+            "rays_per_second": self.rays() as f64 / self.wall.as_secs_f64().max(1e-9),
+            "paths": c.paths,
+            "connections_tried": c.connections_tried,
+            "connections_made": c.connections_made,
+            "non_finite": self.non_finite,
+            "saturated": self.saturated,
+            "medium_mismatches": c.medium_mismatches,
+            "nesting_overflows": c.nesting_overflows,
+            "relative_error": self.relative_error,
+            "classes": self.table,
+        })
+    }
+}
+
+/// Effects and their reasons.
+#[must_use]
+pub fn effects_json(loaded: &Loaded) -> Value {
+    let row = |e: &crate::scene::effects::Effect| json!({ "name": e.name, "on": e.on, "reason": e.reason });
+    loaded.scene.effects.iter().map(row).collect()
+}
+
+/// Writes the statistics of a run.
+///
+/// # Errors
+/// Where the file cannot be written.
+pub fn write(path: &Path, loaded: &Loaded, threads: usize, sensors: &[SensorStats]) -> Result<(), CliError> {
+    let value = json!({
+        "version": VERSION,
+        "scene_hash": format!("{:016x}", loaded.scene.hash),
+        "integrator": integrator_name(loaded.settings.integrator),
+        "seed": loaded.settings.seed,
+        "lanes": loaded.settings.lanes,
+        "threads": threads,
+        "effects": effects_json(loaded),
+        "peak_memory_bytes": peak_memory_bytes(),
+        "sensors": sensors.iter().map(SensorStats::json).collect::<Vec<_>>(),
+    });
+    write_atomic(path, |w| writeln!(w, "{value:#}")).map_err(|e| CliError::Failed(e.to_string()))
+}
