@@ -6,6 +6,7 @@
 
 The emission/*.csv files are typed in by hand and not touched.
 """
+import math
 import os
 import sys
 
@@ -50,8 +51,6 @@ def illuminant(name, rows, about):
         + [f"{number(nm)},{number(v)}" for nm, v in rows],
     )
 
-
-import math
 
 
 def planck_a(nm):
@@ -136,6 +135,7 @@ CATALOGS = {
 for path, (catalog, entries) in CATALOGS.items():
     out = [f"# Refractive indices, catalogue `{catalog}`. Format: README.md of spectra/.",
            f"# Source: {VERSION}. Wavelengths in micrometres; indices relative to air unless the source says otherwise.",
+           "# Of the tables, k is kept from 0.3 to 1.1 and n, k of metals from 0.28 to 1.2.",
            f'catalog = "{catalog}"']
     for name, source, note in entries:
         with open(os.path.join(DATABASE, source)) as f:

@@ -4,13 +4,13 @@
 //! its transform. Columns run along u (+x, to the right), rows from the top down v (+y, up); it receives on the side of
 //! u × v, so a picture is seen the right way round from there. `W_e` = 1/A and directions are drawn by the cosine.
 
-use super::{CameraSample, Resolution, SensorConnection, cosine_hemisphere};
+use super::{CameraSample, Resolution, SensorConnection};
 use crate::geometry::{
     DirectionalDensity, EndPoint, InstanceId, SurfaceId, SurfacePoint, Transform,
 };
-use crate::math::frame::Frame;
+use crate::math::{frame::Frame, sampling};
 use glam::{DAffine3, DVec2, DVec3};
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::PI;
 
 /// A rectangular detector.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,11 +84,11 @@ impl Detector {
 
     pub(super) fn sample_ray(&self, raster: DVec2, u_lens: DVec2, time: f64) -> CameraSample {
         let rectangle = self.rectangle(time);
-        let local = cosine_hemisphere(u_lens);
+        let local = sampling::cosine_hemisphere(u_lens.into());
         let direction = Frame::from_z(rectangle.n).to_outer(local).normalize();
-        let pdf_direction = rectangle.n.dot(direction).max(0.0) * FRAC_1_PI;
+        let pdf_direction = sampling::cosine_hemisphere_pdf(rectangle.n.dot(direction));
         CameraSample {
-            xk: self.end_point(&rectangle, self.resolution.to_unit(raster)),
+            xk: self.end_point(&rectangle, self.resolution.raster_to_unit(raster)),
             direction,
             pdf_xk: 1.0 / rectangle.area,
             pdf_direction: DirectionalDensity::SolidAngle(pdf_direction),
@@ -104,7 +104,7 @@ impl Detector {
     ) -> Option<SensorConnection> {
         let rectangle = self.rectangle(time);
         let raster = u_lens * self.resolution.size();
-        let xk = self.end_point(&rectangle, self.resolution.to_unit(raster));
+        let xk = self.end_point(&rectangle, self.resolution.raster_to_unit(raster));
         let distance = xk.p.distance(x);
         let cos = rectangle.n.dot(x - xk.p) / distance;
         (distance > 0.0 && cos > 0.0).then(|| SensorConnection {
@@ -120,7 +120,7 @@ impl Detector {
 
     pub(super) fn density(&self, direction: DVec3, time: f64) -> (f64, DirectionalDensity) {
         let rectangle = self.rectangle(time);
-        let pdf = rectangle.n.dot(direction).max(0.0) * FRAC_1_PI;
+        let pdf = sampling::cosine_hemisphere_pdf(rectangle.n.dot(direction));
         (1.0 / rectangle.area, DirectionalDensity::SolidAngle(pdf))
     }
 
@@ -140,7 +140,7 @@ impl Detector {
         let local = self.transform.at(time).to_object.transform_point3(point.p);
         (rectangle.n.dot(toward_scene) > 0.0).then(|| {
             (
-                self.resolution.from_unit(local.truncate()),
+                self.resolution.unit_to_raster(local.truncate()),
                 1.0 / rectangle.area,
             )
         })

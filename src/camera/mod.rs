@@ -12,7 +12,6 @@ pub mod perspective;
 
 use crate::geometry::{DirectionalDensity, EndPoint, SurfacePoint, Transform};
 use glam::{DVec2, DVec3};
-use std::f64::consts::TAU;
 
 /// Film size in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,12 +36,12 @@ impl Resolution {
     }
 
     /// From raster coordinates to -1..1 over the film, x to the right and y up.
-    fn to_unit(self, raster: DVec2) -> DVec2 {
+    fn raster_to_unit(self, raster: DVec2) -> DVec2 {
         (2.0 * raster / self.size() - 1.0) * DVec2::new(1.0, -1.0)
     }
 
-    /// The inverse of `to_unit`.
-    fn from_unit(self, unit: DVec2) -> DVec2 {
+    /// The inverse of `raster_to_unit`.
+    fn unit_to_raster(self, unit: DVec2) -> DVec2 {
         (unit * DVec2::new(1.0, -1.0) + 1.0) * 0.5 * self.size()
     }
 
@@ -191,14 +190,6 @@ impl Camera {
             Self::Detector(_) => false,
         }
     }
-}
-
-fn unit_disk(u: DVec2) -> DVec2 {
-    u.x.sqrt() * DVec2::from_angle(TAU * u.y)
-}
-
-fn cosine_hemisphere(u: DVec2) -> DVec3 {
-    unit_disk(u).extend((1.0 - u.x).sqrt())
 }
 
 #[cfg(test)]

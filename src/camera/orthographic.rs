@@ -65,7 +65,10 @@ impl Orthographic {
 
     pub(super) fn sample_ray(&self, raster: DVec2, time: f64) -> CameraSample {
         CameraSample {
-            xk: self.end_point(self.resolution.to_unit(raster) * self.half_film_m, time),
+            xk: self.end_point(
+                self.resolution.raster_to_unit(raster) * self.half_film_m,
+                time,
+            ),
             direction: self.axis(time),
             pdf_xk: 1.0,
             pdf_direction: DirectionalDensity::Perpendicular(self.ray_density()),
@@ -82,7 +85,7 @@ impl Orthographic {
         let local = self.transform.at(time).to_object.transform_point3(x);
         let raster = self
             .resolution
-            .from_unit(local.truncate() / self.half_film_m);
+            .unit_to_raster(local.truncate() / self.half_film_m);
         let seen = local.z < 0.0 && self.resolution.contains(raster, margin);
         seen.then(|| SensorConnection {
             xk: self.end_point(local.truncate(), time),

@@ -6,8 +6,9 @@
 //! point sees it at distance f/cosθ. So the density of directions is 1/(`A_film` cos³θ) for both, with θ the angle of
 //! the ray itself, and `W_e` = 1/(`A_film` `A_lens` cos⁴θ) gives every camera path weight 1.
 
-use super::{CameraSample, Resolution, SensorConnection, unit_disk};
+use super::{CameraSample, Resolution, SensorConnection};
 use crate::geometry::{DirectionalDensity, EndPoint, Transform};
+use crate::math::sampling;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
@@ -77,7 +78,7 @@ impl Perspective {
 
     fn lens_point(&self, u: DVec2) -> DVec2 {
         self.lens
-            .map_or(DVec2::ZERO, |lens| lens.radius_m * unit_disk(u))
+            .map_or(DVec2::ZERO, |lens| lens.radius_m * sampling::disk(u.into()))
     }
 
     fn focus_distance(&self) -> f64 {
@@ -113,7 +114,7 @@ impl Perspective {
     }
 
     pub(super) fn sample_ray(&self, raster: DVec2, u_lens: DVec2, time: f64) -> CameraSample {
-        let on_film = self.resolution.to_unit(raster) * self.half_film;
+        let on_film = self.resolution.raster_to_unit(raster) * self.half_film;
         let lens_point = self.lens_point(u_lens);
         let local =
             (on_film.extend(-1.0) * self.focus_distance() - lens_point.extend(0.0)).normalize();
@@ -145,7 +146,7 @@ impl Perspective {
         }
         let on_film = (lens_point + local.truncate() * (self.focus_distance() / -local.z))
             / self.focus_distance();
-        let raster = self.resolution.from_unit(on_film / self.half_film);
+        let raster = self.resolution.unit_to_raster(on_film / self.half_film);
         if !self.resolution.contains(raster, margin) {
             return None;
         }

@@ -211,6 +211,7 @@ fn pictures_are_the_right_way_round() {
     assert!((s.xk.p - DVec3::new(-0.4, 0.3, 0.0)).length() < 1e-15);
     assert_eq!(s.direction, DVec3::NEG_Z);
     // a detector receives from u × v = +z, row 0 at +v, columns along +u
+    let u = DVec2::new(0.3, 0.6);
     let camera = Detector::new(DAffine3::IDENTITY, 0.4, 0.2, RESOLUTION);
     let s = camera.sample_ray(top_left, u, 0.0);
     assert!((s.xk.p - DVec3::new(-0.2, 0.1, 0.0)).length() < 1e-15);

@@ -149,6 +149,32 @@ impl SensorResponse {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spectrum::WavelengthDistribution;
+
+    #[test]
+    fn lanes_sum_to_the_integral() {
+        // each of 4 lanes holds a quarter of a unit spectrum, whatever the wavelengths are drawn from
+        for distribution in [
+            WavelengthDistribution::uniform([360.0, 830.0]),
+            WavelengthDistribution::visible([360.0, 830.0]),
+        ] {
+            let passes = 4000;
+            let mut xyz = [0.0; 3];
+            for i in 0..passes {
+                let u = (f64::from(i) + 0.5) / f64::from(passes);
+                let wavelengths = distribution.sample(u, 4);
+                SensorResponse::Xyz.add(&wavelengths, &[0.25; 8], &mut xyz);
+            }
+            let y = xyz[1] / f64::from(passes);
+            // midpoint rule in primary space: error far below the 1e-4 allowed
+            assert!((y - 1.0).abs() < 1e-4, "{y}");
+        }
+        let line = WavelengthDistribution::lines(&[587.5618]);
+        let channels = SpectralChannels::new([400.0, 700.0], 3, vec![587.5618]);
+        let mut out = [0.0; 4];
+        SensorResponse::Spectral(channels).add(&line.sample(0.3, 1), &[2.5], &mut out);
+        assert_eq!(out, [0.0, 0.0, 0.0, 2.5]);
+    }
 
     #[test]
     fn constant_unit_spectrum_reads_one() {

@@ -74,9 +74,13 @@ impl Tree {
         let pad = DVec3::splat(PADDING);
         let boxes: Vec<Padded> = (0..count)
             .map(|i| {
+                // Unequal padding tells coincident boxes apart, of which the builder would pair one at a time.
+                let pad = pad * (1.0 + (i as f64 * 0.618_033_988_749_894_9).fract());
                 let (low, high) = bounds(i);
-                let low = (frame(low) - pad).as_vec3a();
-                Padded(Aabb::new(low, (frame(high) + pad).as_vec3a()))
+                Padded(Aabb::new(
+                    (frame(low) - pad).as_vec3a(),
+                    (frame(high) + pad).as_vec3a(),
+                ))
             })
             .collect();
         let params = BvhBuildParams::medium_build();

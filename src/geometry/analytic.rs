@@ -76,7 +76,7 @@ pub(super) fn quad(ray: &LocalRay) -> Option<FaceHit> {
 /// Outward unit normal of a face of the cube; faces are numbered -x, +x, -y, +y, -z, +z.
 pub(super) fn cube_normal(face: u32) -> DVec3 {
     let axis = DVec3::AXES[(face / 2) as usize % 3];
-    if face % 2 == 0 { -axis } else { axis }
+    if face.is_multiple_of(2) { -axis } else { axis }
 }
 
 /// The cube -1..1. A convex solid: a ray that starts on it can only leave it, through a face other than its own.

@@ -112,6 +112,6 @@ impl LocalRay {
         t > 0.0
             && t < self.t_max
             && t * approach >= self.start_error
-            && !((self.t_end - t) * approach < self.end_error)
+            && (self.t_end - t) * approach >= self.end_error
     }
 }

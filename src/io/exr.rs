@@ -5,12 +5,11 @@
 //! (1/3,1/3) say that the numbers are XYZ.
 
 use super::atomic::{FileError, write_atomic};
-use super::exr_header::sort_attributes;
 use crate::film::Crop;
 use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds};
 use exr::prelude::{
-    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder,
-    ReadChannels, ReadLayers, Text, Vec2, WritableImage,
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer,
+    LayerAttributes, LineOrder, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
 };
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -132,14 +131,23 @@ pub fn spectral_channel_name(lambda_nm: f64) -> String {
 /// The wavelength in nm behind a name of [`spectral_channel_name`].
 #[must_use]
 pub fn spectral_channel_nm(name: &str) -> Option<f64> {
-    name.strip_prefix("S0.")?.strip_suffix("nm")?.replace(',', ".").parse().ok()
+    name.strip_prefix("S0.")?
+        .strip_suffix("nm")?
+        .replace(',', ".")
+        .parse()
+        .ok()
 }
 
 /// The three channels of interleaved XYZ values.
 #[must_use]
 pub fn xyz_channels(xyz: &[f64]) -> Vec<Channel> {
     let names = ["X", "Y", "Z"].iter().enumerate();
-    names.map(|(c, n)| Channel { name: (*n).to_owned(), values: xyz.iter().skip(c).step_by(3).map(|v| *v as f32).collect() }).collect()
+    names
+        .map(|(c, n)| Channel {
+            name: (*n).to_owned(),
+            values: xyz.iter().skip(c).step_by(3).map(|v| *v as f32).collect(),
+        })
+        .collect()
 }
 
 /// Writes an image. A channel `name.x` stays in the one layer (viewers group by the dot).
@@ -151,20 +159,43 @@ pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     for channel in &image.channels {
         if channel.values.len() as u64 != pixels {
             let (channel, found) = (channel.name.clone(), channel.values.len());
-            return Err(ExrError::ChannelSize { path: path.to_owned(), channel, found, expected: pixels });
+            return Err(ExrError::ChannelSize {
+                path: path.to_owned(),
+                channel,
+                found,
+                expected: pixels,
+            });
         }
     }
-    let mut attributes = LayerAttributes::default().with_position(Vec2(image.crop.x0 as i32, image.crop.y0 as i32));
+    let mut attributes =
+        LayerAttributes::default().with_position(Vec2(image.crop.x0 as i32, image.crop.y0 as i32));
     for (name, value) in &image.metadata.entries {
-        attributes.other.insert(Text::from(name.as_str()), to_attribute(value));
+        attributes
+            .other
+            .insert(Text::from(name.as_str()), to_attribute(value));
     }
-    let channels = image.channels.iter().map(|c| AnyChannel::new(c.name.as_str(), FlatSamples::F32(c.values.clone())));
-    let size = Vec2((image.crop.x1 - image.crop.x0) as usize, (image.crop.y1 - image.crop.y0) as usize);
-    let encoding =
-        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
-    let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(channels.collect()));
+    let channels = image
+        .channels
+        .iter()
+        .map(|c| AnyChannel::new(c.name.as_str(), FlatSamples::F32(c.values.clone())));
+    let size = Vec2(
+        (image.crop.x1 - image.crop.x0) as usize,
+        (image.crop.y1 - image.crop.y0) as usize,
+    );
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
+    let layer = Layer::new(
+        size,
+        attributes,
+        encoding,
+        AnyChannels::sort(channels.collect()),
+    );
     let mut file = Image::from_layer(layer);
-    file.attributes.display_window = IntegerBounds::new((0, 0), (image.width as usize, image.height as usize));
+    file.attributes.display_window =
+        IntegerBounds::new((0, 0), (image.width as usize, image.height as usize));
     file.attributes.chromaticities = Some(Chromaticities {
         red: Vec2(1.0, 0.0),
         green: Vec2(0.0, 1.0),
@@ -173,8 +204,9 @@ pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     });
     // encoded in memory: the encoder seeks, and an error of it must not leave a file
     let mut bytes = Cursor::new(Vec::new());
-    file.write().to_buffered(&mut bytes).map_err(|e| format_error(path, &e))?;
-    sort_attributes(bytes.get_mut());
+    file.write()
+        .to_buffered(&mut bytes)
+        .map_err(|e| format_error(path, &e))?;
     write_atomic(path, |w| std::io::Write::write_all(w, bytes.get_ref()))?;
     Ok(())
 }
@@ -187,7 +219,12 @@ pub fn read(path: &Path) -> Result<ExrImage, ExrError> {
     let file_error = |e| ExrError::from(FileError::new(path, e));
     let size = std::fs::metadata(path).map_err(file_error)?.len();
     if size > MAX_EXR_BYTES {
-        return Err(ExrError::TooLarge { path: path.to_owned(), what: "the file in bytes", size, limit: MAX_EXR_BYTES });
+        return Err(ExrError::TooLarge {
+            path: path.to_owned(),
+            what: "the file in bytes",
+            size,
+            limit: MAX_EXR_BYTES,
+        });
     }
     decode(path, &std::fs::read(path).map_err(file_error)?, MAX_SAMPLES)
 }
@@ -200,11 +237,20 @@ pub fn read_xyz(path: &Path) -> Result<(ExrImage, Vec<f64>), ExrError> {
     let image = read(path)?;
     let mut xyz = vec![0.0; 3 * image.crop.pixels() as usize];
     for (c, name) in ["X", "Y", "Z"].into_iter().enumerate() {
-        let channel = image.channels.iter().find(|ch| ch.name == name).ok_or_else(|| ExrError::NoChannel {
-            path: path.to_owned(),
-            channel: name.to_owned(),
-            there: image.channels.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", "),
-        })?;
+        let channel = image
+            .channels
+            .iter()
+            .find(|ch| ch.name == name)
+            .ok_or_else(|| ExrError::NoChannel {
+                path: path.to_owned(),
+                channel: name.to_owned(),
+                there: image
+                    .channels
+                    .iter()
+                    .map(|c| c.name.as_str())
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            })?;
         for (pixel, value) in channel.values.iter().enumerate() {
             xyz[3 * pixel + c] = f64::from(*value);
         }
@@ -214,7 +260,8 @@ pub fn read_xyz(path: &Path) -> Result<(ExrImage, Vec<f64>), ExrError> {
 
 fn decode(path: &Path, bytes: &[u8], max_samples: u64) -> Result<ExrImage, ExrError> {
     // sizes first: the decoder allocates what the header promises
-    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), true).map_err(|e| format_error(path, &e))?;
+    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), true)
+        .map_err(|e| format_error(path, &e))?;
     let samples = meta.headers.iter().map(|h| {
         let area = (h.layer_size.0 as u64).saturating_mul(h.layer_size.1 as u64);
         area.saturating_mul(h.channels.list.len() as u64)
@@ -222,7 +269,12 @@ fn decode(path: &Path, bytes: &[u8], max_samples: u64) -> Result<ExrImage, ExrEr
     let samples = samples.fold(0, u64::saturating_add);
     if samples > max_samples {
         let what = "the number of samples";
-        return Err(ExrError::TooLarge { path: path.to_owned(), what, size: samples, limit: max_samples });
+        return Err(ExrError::TooLarge {
+            path: path.to_owned(),
+            what,
+            size: samples,
+            limit: max_samples,
+        });
     }
     let file = exr::prelude::read()
         .no_deep_data()
@@ -234,14 +286,24 @@ fn decode(path: &Path, bytes: &[u8], max_samples: u64) -> Result<ExrImage, ExrEr
         .map_err(|e| format_error(path, &e))?;
     let layer = file.layer_data;
     let window = file.attributes.display_window;
-    let bad = |message: &str| ExrError::Format { path: path.to_owned(), message: message.to_owned() };
+    let bad = |message: &str| ExrError::Format {
+        path: path.to_owned(),
+        message: message.to_owned(),
+    };
     // windows may start anywhere: pixels are counted from the corner of the display window
     let corner = |at: i32, origin: i32| u32::try_from(i64::from(at) - i64::from(origin));
     let position = layer.attributes.layer_position;
-    let (Ok(x0), Ok(y0)) = (corner(position.0, window.position.0), corner(position.1, window.position.1)) else {
+    let (Ok(x0), Ok(y0)) = (
+        corner(position.0, window.position.0),
+        corner(position.1, window.position.1),
+    ) else {
         return Err(bad("the data window starts outside the display window"));
     };
-    let end = |start: u32, length: usize| u32::try_from(length).ok().and_then(|l| start.checked_add(l));
+    let end = |start: u32, length: usize| {
+        u32::try_from(length)
+            .ok()
+            .and_then(|l| start.checked_add(l))
+    };
     let (Some(x1), Some(y1)) = (end(x0, layer.size.0), end(y0, layer.size.1)) else {
         return Err(bad("the data window is out of range"));
     };
@@ -253,22 +315,34 @@ fn decode(path: &Path, bytes: &[u8], max_samples: u64) -> Result<ExrImage, ExrEr
         entries.extend(from_attribute(value).map(|v| (name.to_string(), v)));
     }
     let channels = layer.channel_data.list.iter();
-    let channels = channels.map(|c| Channel { name: c.name.to_string(), values: c.sample_data.values_as_f32().collect() });
+    let channels = channels.map(|c| Channel {
+        name: c.name.to_string(),
+        values: c.sample_data.values_as_f32().collect(),
+    });
     let image = ExrImage {
         width,
         height,
         crop: Crop { x0, y0, x1, y1 },
         channels: channels.collect(),
-        metadata: ImageMetadata { entries: entries.into_iter().collect() },
+        metadata: ImageMetadata {
+            entries: entries.into_iter().collect(),
+        },
     };
-    if image.channels.iter().any(|c| c.values.len() as u64 != image.crop.pixels()) {
+    if image
+        .channels
+        .iter()
+        .any(|c| c.values.len() as u64 != image.crop.pixels())
+    {
         return Err(bad("subsampled channels are not supported"));
     }
     Ok(image)
 }
 
 fn format_error(path: &Path, error: &exr::error::Error) -> ExrError {
-    ExrError::Format { path: path.to_owned(), message: error.to_string() }
+    ExrError::Format {
+        path: path.to_owned(),
+        message: error.to_string(),
+    }
 }
 
 fn to_attribute(value: &MetadataValue) -> AttributeValue {
@@ -304,19 +378,39 @@ mod tests {
     use super::*;
 
     fn sample() -> ExrImage {
-        let crop = Crop { x0: 2, y0: 1, x1: 7, y1: 4 };
+        let crop = Crop {
+            x0: 2,
+            y0: 1,
+            x1: 7,
+            y1: 4,
+        };
         let xyz: Vec<f64> = (0..45).map(|i| f64::from(i) * 0.25 - 1.0).collect();
         let mut channels = xyz_channels(&xyz);
-        channels.push(Channel { name: spectral_channel_name(587.5618), values: vec![1e-30; 15] });
-        channels.push(Channel { name: "error.Y".to_owned(), values: vec![f32::MAX; 15] });
+        channels.push(Channel {
+            name: spectral_channel_name(587.5618),
+            values: vec![1e-30; 15],
+        });
+        channels.push(Channel {
+            name: "error.Y".to_owned(),
+            values: vec![f32::MAX; 15],
+        });
         channels.sort_by(|a, b| a.name.cmp(&b.name));
         let entries = vec![
-            ("integrator".to_owned(), MetadataValue::Text("bdpt".to_owned())),
+            (
+                "integrator".to_owned(),
+                MetadataValue::Text("bdpt".to_owned()),
+            ),
             ("passes".to_owned(), MetadataValue::Integer(64)),
             ("rangeNm".to_owned(), MetadataValue::Pair([360.0, 830.0])),
             ("scale".to_owned(), MetadataValue::Real(0.1)),
         ];
-        ExrImage { width: 10, height: 8, crop, channels, metadata: ImageMetadata { entries } }
+        ExrImage {
+            width: 10,
+            height: 8,
+            crop,
+            channels,
+            metadata: ImageMetadata { entries },
+        }
     }
 
     #[test]
@@ -329,15 +423,24 @@ mod tests {
         let (_, xyz) = read_xyz(&path).expect("has XYZ");
         assert_eq!(xyz[3 * 4 + 1], f64::from(13) * 0.25 - 1.0);
         let meta = exr::meta::MetaData::read_from_file(&path, true).expect("valid");
-        let white = meta.headers[0].shared_attributes.chromaticities.expect("set");
-        assert_eq!((white.red, white.green, white.blue), (Vec2(1.0, 0.0), Vec2(0.0, 1.0), Vec2(0.0, 0.0)));
+        let white = meta.headers[0]
+            .shared_attributes
+            .chromaticities
+            .expect("set");
+        assert_eq!(
+            (white.red, white.green, white.blue),
+            (Vec2(1.0, 0.0), Vec2(0.0, 1.0), Vec2(0.0, 0.0))
+        );
         assert_eq!(meta.headers[0].compression, Compression::ZIP16);
     }
 
     #[test]
     fn seeds_beyond_32_bits_survive_as_text() {
         let big = to_attribute(&MetadataValue::Integer(1 << 40));
-        assert_eq!(from_attribute(&big), Some(MetadataValue::Text((1_u64 << 40).to_string())));
+        assert_eq!(
+            from_attribute(&big),
+            Some(MetadataValue::Text((1_u64 << 40).to_string()))
+        );
     }
 
     #[test]
@@ -355,11 +458,26 @@ mod tests {
         let mut image = sample();
         image.channels.retain(|c| c.name != "Y");
         write(&path, &image).expect("writes");
-        assert!(matches!(read_xyz(&path), Err(ExrError::NoChannel { channel, .. }) if channel == "Y"));
+        assert!(
+            matches!(read_xyz(&path), Err(ExrError::NoChannel { channel, .. }) if channel == "Y")
+        );
         image.channels[0].values.pop();
-        assert!(matches!(write(&path, &image), Err(ExrError::ChannelSize { found: 14, expected: 15, .. })));
+        assert!(matches!(
+            write(&path, &image),
+            Err(ExrError::ChannelSize {
+                found: 14,
+                expected: 15,
+                ..
+            })
+        ));
         let bytes = std::fs::read(&path).expect("still the old file");
-        assert!(matches!(decode(&path, &bytes, 59), Err(ExrError::TooLarge { size: 60, .. })));
-        assert!(matches!(decode(&path, &bytes[..bytes.len() / 2], MAX_SAMPLES), Err(ExrError::Format { .. })));
+        assert!(matches!(
+            decode(&path, &bytes, 59),
+            Err(ExrError::TooLarge { size: 60, .. })
+        ));
+        assert!(matches!(
+            decode(&path, &bytes[..bytes.len() / 2], MAX_SAMPLES),
+            Err(ExrError::Format { .. })
+        ));
     }
 }

@@ -1,8 +1,8 @@
-//! Files to values and back: the only floor that names formats.
+//! Files in and out: scenes, meshes, images, part files. Every reader checks before it allocates and never panics; every
+//! writer replaces a file at once or not at all. The only floor that names file formats.
 
 pub mod atomic;
 pub mod exr;
-mod exr_header;
 pub mod obj;
 pub mod part;
 pub mod png;

@@ -1,6 +1,6 @@
 //! Wavefront OBJ files, read with tobj.
 //!
-//! Polygons become triangle fans; points, lines and materials are ignored. Missing normals stay missing (flat shading). Whatever the bytes,
+//! All objects and groups of a file are one mesh. Polygons become triangle fans; points, lines and materials are ignored. Missing normals stay missing (flat shading). Whatever the bytes,
 //! the result is valid meshes or an error that names the file.
 
 use crate::geometry::{Mesh, MeshError};
@@ -10,15 +10,6 @@ use std::path::{Path, PathBuf};
 
 /// Largest file read, in bytes (some 40 million triangles).
 const MAX_BYTES: u64 = 2 << 30;
-
-/// One object or group of a file.
-#[derive(Debug)]
-pub struct ObjModel {
-    /// Its name in the file.
-    pub name: String,
-    /// Its triangles; [`Mesh::dropped`] tells how many had no area.
-    pub mesh: Mesh,
-}
 
 /// Why an OBJ file was not read. Every message starts with the file.
 #[derive(Debug, thiserror::Error)]
@@ -47,13 +38,11 @@ pub enum ObjError {
         /// What tobj said.
         source: tobj::LoadError,
     },
-    /// An object is no valid mesh.
-    #[error("{}: object `{name}`: {source}", path.display())]
+    /// The triangles are no valid mesh.
+    #[error("{}: {source}", path.display())]
     Mesh {
         /// The file.
         path: PathBuf,
-        /// The object.
-        name: String,
         /// What is wrong.
         source: MeshError,
     },
@@ -65,12 +54,11 @@ pub enum ObjError {
     },
 }
 
-/// Reads all objects of a file that have faces.
+/// Reads a file; [`Mesh::dropped`] tells how many of its triangles had no area.
 ///
 /// # Errors
-/// [`ObjError`] if the file cannot be read, is too large, is malformed, has no faces, or has an object without any
-/// face of nonzero area.
-pub fn load(path: impl AsRef<Path>) -> Result<Vec<ObjModel>, ObjError> {
+/// [`ObjError`] if the file cannot be read, is too large, is malformed, or has no face of nonzero area.
+pub fn load(path: impl AsRef<Path>) -> Result<Mesh, ObjError> {
     let path = path.as_ref();
     let open = |source| ObjError::Open {
         path: path.to_owned(),
@@ -94,7 +82,7 @@ pub fn fuzz_obj(bytes: &[u8]) {
 }
 
 /// Reads OBJ text; `path` is for messages.
-fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Vec<ObjModel>, ObjError> {
+fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Mesh, ObjError> {
     let options = tobj::LoadOptions {
         triangulate: true,
         single_index: true,
@@ -107,35 +95,46 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Vec<ObjModel>, ObjErr
             path: path.to_owned(),
             source,
         })?;
-    let meshes: Vec<ObjModel> = models
-        .into_iter()
-        .filter(|model| !model.mesh.indices.is_empty())
-        .map(|model| {
-            let tobj::Model { mesh, name } = model;
-            match to_mesh(mesh) {
-                Ok(mesh) => Ok(ObjModel { name, mesh }),
-                Err(source) => Err(ObjError::Mesh {
-                    path: path.to_owned(),
-                    name,
-                    source,
-                }),
-            }
-        })
-        .collect::<Result<_, _>>()?;
-    if meshes.is_empty() {
-        return Err(ObjError::Empty {
-            path: path.to_owned(),
-        });
+    let mut all = Arrays { normals: Some(Vec::new()), uvs: Some(Vec::new()), ..Arrays::default() };
+    for model in models {
+        all.append(&model.mesh);
     }
-    Ok(meshes)
+    if all.triangles.is_empty() {
+        return Err(ObjError::Empty { path: path.to_owned() });
+    }
+    Mesh::new(&all.positions, all.normals, all.uvs, all.triangles)
+        .map_err(|source| ObjError::Mesh { path: path.to_owned(), source })
 }
 
-fn to_mesh(mesh: tobj::Mesh) -> Result<Mesh, MeshError> {
-    let positions = groups(&mesh.positions);
-    // Attributes given for some faces only are no attributes of the mesh.
-    let normals = Some(groups(&mesh.normals)).filter(|n| n.len() == positions.len());
-    let uvs = Some(groups(&mesh.texcoords)).filter(|n| n.len() == positions.len());
-    Mesh::new(positions, normals, uvs, groups(&mesh.indices))
+/// The vertices and faces of all objects read so far.
+#[derive(Default)]
+struct Arrays {
+    positions: Vec<[f32; 3]>,
+    /// `None` once an object has vertices without one: attributes of some faces only are no attributes of the mesh.
+    normals: Option<Vec<[f32; 3]>>,
+    uvs: Option<Vec<[f32; 2]>>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Arrays {
+    fn append(&mut self, mesh: &tobj::Mesh) {
+        if mesh.indices.is_empty() {
+            return;
+        }
+        let first = self.positions.len() as u32;
+        let positions = groups(&mesh.positions);
+        extend(&mut self.normals, groups(&mesh.normals), positions.len());
+        extend(&mut self.uvs, groups(&mesh.texcoords), positions.len());
+        self.positions.extend(positions);
+        self.triangles.extend(groups::<u32, 3>(&mesh.indices).iter().map(|t| t.map(|v| v.wrapping_add(first))));
+    }
+}
+
+fn extend<T>(all: &mut Option<Vec<T>>, more: Vec<T>, expected: usize) {
+    match all {
+        Some(values) if more.len() == expected => values.extend(more),
+        _ => *all = None,
+    }
 }
 
 /// Splits a flat array; an incomplete last group is dropped.
@@ -147,7 +146,7 @@ fn groups<T: Copy, const N: usize>(flat: &[T]) -> Vec<[T; N]> {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<Vec<ObjModel>, ObjError> {
+    fn read(text: &str) -> Result<Mesh, ObjError> {
         parse(&mut text.as_bytes(), Path::new("some.obj"))
     }
 
@@ -155,24 +154,30 @@ mod tests {
 
     #[test]
     fn polygons_become_triangles_and_normals_stay_missing() {
-        let models = read(&format!("o square\n{SQUARE}f 1 2 3 4\n")).expect("valid");
-        assert_eq!((models.len(), models[0].name.as_str()), (1, "square"));
-        assert_eq!(models[0].mesh.triangle_count(), 2);
-        assert!((models[0].mesh.area() - 1.0).abs() < 1e-12);
+        let mesh = read(&format!("o square\n{SQUARE}f 1 2 3 4\n")).expect("valid");
+        assert_eq!(mesh.triangle_count(), 2);
+        assert!((mesh.area() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn objects_and_groups_are_one_mesh() {
+        let mesh = read(&format!("{SQUARE}o a\nf 1 2 3\no b\nf 1 3 4\n")).expect("valid");
+        assert_eq!(mesh.triangle_count(), 2);
+        assert!((mesh.area() - 1.0).abs() < 1e-12);
     }
 
     #[test]
     fn negative_indices_count_from_the_end_and_lines_are_ignored() {
-        let models = read(&format!("{SQUARE}f -4 -3 -2\nl 1 2\np 3\n")).expect("valid");
-        assert_eq!(models[0].mesh.triangle_count(), 1);
-        assert_eq!(models[0].mesh.dropped(), 0);
+        let mesh = read(&format!("{SQUARE}f -4 -3 -2\nl 1 2\np 3\n")).expect("valid");
+        assert_eq!(mesh.triangle_count(), 1);
+        assert_eq!(mesh.dropped(), 0);
     }
 
     #[test]
     fn faces_without_area_are_dropped_and_counted() {
-        let models = read(&format!("{SQUARE}f 1 2 3\nf 1 2 2\nf 1 1 1\n")).expect("valid");
+        let mesh = read(&format!("{SQUARE}f 1 2 3\nf 1 2 2\nf 1 1 1\n")).expect("valid");
         assert_eq!(
-            (models[0].mesh.triangle_count(), models[0].mesh.dropped()),
+            (mesh.triangle_count(), mesh.dropped()),
             (1, 2)
         );
     }

@@ -73,12 +73,18 @@ impl PartHeader {
     /// Number of passes in the sums.
     #[must_use]
     pub fn pass_count(&self) -> u64 {
-        self.passes.iter().map(|p| p.end - p.start).fold(0, u64::saturating_add)
+        self.passes
+            .iter()
+            .map(|p| p.end - p.start)
+            .fold(0, u64::saturating_add)
     }
 
     /// Number of sums; `None` beyond 64 bits.
     fn sum_count(&self) -> Option<u64> {
-        self.crop().pixels().checked_mul(u64::from(self.channels))?.checked_mul(HALVES)
+        self.crop()
+            .pixels()
+            .checked_mul(u64::from(self.channels))?
+            .checked_mul(HALVES)
     }
 
     fn check(&self) -> Result<(), &'static str> {
@@ -92,7 +98,9 @@ impl PartHeader {
         if self.passes.iter().any(|p| p.start >= p.end) {
             return Err("a range of passes is empty");
         }
-        let apart = |w: &[PassRange]| w[0].seed < w[1].seed || w[0].seed == w[1].seed && w[0].end < w[1].start;
+        let apart = |w: &[PassRange]| {
+            w[0].seed < w[1].seed || w[0].seed == w[1].seed && w[0].end < w[1].start
+        };
         if !self.passes.windows(2).all(apart) {
             return Err("ranges of passes are not sorted and apart");
         }
@@ -149,7 +157,10 @@ pub enum PartError {
 /// # Errors
 /// The file cannot be written, or the sums do not fit the header.
 pub fn write(path: &Path, part: &Part) -> Result<(), PartError> {
-    let bytes = encode(part).map_err(|message| PartError::Format { path: path.to_owned(), message })?;
+    let bytes = encode(part).map_err(|message| PartError::Format {
+        path: path.to_owned(),
+        message,
+    })?;
     Ok(write_atomic(path, |w| w.write_all(&bytes))?)
 }
 
@@ -162,10 +173,16 @@ pub fn read(path: &Path) -> Result<Part, PartError> {
     let size = std::fs::metadata(path).map_err(file_error)?.len();
     if size > MAX_PART_BYTES {
         let message = format!("{size} bytes, allowed: at most {MAX_PART_BYTES}");
-        return Err(PartError::Format { path: path.to_owned(), message });
+        return Err(PartError::Format {
+            path: path.to_owned(),
+            message,
+        });
     }
     let bytes = std::fs::read(path).map_err(file_error)?;
-    decode(&bytes).map_err(|message| PartError::Format { path: path.to_owned(), message })
+    decode(&bytes).map_err(|message| PartError::Format {
+        path: path.to_owned(),
+        message,
+    })
 }
 
 fn encode(part: &Part) -> Result<Vec<u8>, String> {
@@ -193,17 +210,25 @@ fn decode(bytes: &[u8]) -> Result<Part, String> {
     }
     let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| prefix[at + i]));
     if word(8) != VERSION {
-        return Err(format!("version {}, this program reads version {VERSION}", word(8)));
+        return Err(format!(
+            "version {}, this program reads version {VERSION}",
+            word(8)
+        ));
     }
     let header_len = word(12) as usize;
     if header_len > MAX_HEADER_BYTES {
-        return Err(format!("a header of {header_len} bytes, allowed: at most {MAX_HEADER_BYTES}"));
+        return Err(format!(
+            "a header of {header_len} bytes, allowed: at most {MAX_HEADER_BYTES}"
+        ));
     }
     let (header, rest) = rest.split_at_checked(header_len).ok_or_else(truncated)?;
     let header: PartHeader = serde_json::from_slice(header).map_err(|e| format!("header: {e}"))?;
     header.check()?;
     // the count is bounded by the file's own size before anything of it is allocated
-    let expected = header.sum_count().and_then(|n| n.checked_mul(SUM as u64)).and_then(|n| n.checked_add(CHECKSUM as u64));
+    let expected = header
+        .sum_count()
+        .and_then(|n| n.checked_mul(SUM as u64))
+        .and_then(|n| n.checked_add(CHECKSUM as u64));
     let expected = expected.ok_or("the header promises more sums than any file holds")?;
     if (rest.len() as u64) < expected {
         return Err(truncated());
@@ -216,7 +241,10 @@ fn decode(bytes: &[u8]) -> Result<Part, String> {
         return Err("the checksum does not match: the file is damaged".to_owned());
     }
     let (sums, _) = rest[..rest.len() - CHECKSUM].as_chunks::<SUM>();
-    Ok(Part { header, sums: sums.iter().map(|s| i128::from_le_bytes(*s)).collect() })
+    Ok(Part {
+        header,
+        sums: sums.iter().map(|s| i128::from_le_bytes(*s)).collect(),
+    })
 }
 
 /// Adds up parts of disjoint passes of the same scene, settings, sensor and crop. The order does not matter.
@@ -238,12 +266,32 @@ pub fn merge(parts: impl IntoIterator<Item = Part>) -> Result<Part, PartError> {
 
 fn check_same(a: &PartHeader, b: &PartHeader) -> Result<(), PartError> {
     let differ = |what, first: String, second: String| {
-        if first == second { Ok(()) } else { Err(PartError::Mismatch { what, first, second }) }
+        if first == second {
+            Ok(())
+        } else {
+            Err(PartError::Mismatch {
+                what,
+                first,
+                second,
+            })
+        }
     };
-    differ("scene (hash)", format!("{:016x}", a.scene_hash), format!("{:016x}", b.scene_hash))?;
-    differ("settings (hash)", format!("{:016x}", a.settings_hash), format!("{:016x}", b.settings_hash))?;
+    differ(
+        "scene (hash)",
+        format!("{:016x}", a.scene_hash),
+        format!("{:016x}", b.scene_hash),
+    )?;
+    differ(
+        "settings (hash)",
+        format!("{:016x}", a.settings_hash),
+        format!("{:016x}", b.settings_hash),
+    )?;
     differ("sensor", a.sensor.clone(), b.sensor.clone())?;
-    differ("size", format!("{} x {}", a.width, a.height), format!("{} x {}", b.width, b.height))?;
+    differ(
+        "size",
+        format!("{} x {}", a.width, a.height),
+        format!("{} x {}", b.width, b.height),
+    )?;
     differ("crop", format!("{:?}", a.crop), format!("{:?}", b.crop))?;
     differ("channels", a.channels.to_string(), b.channels.to_string())
 }
@@ -256,7 +304,10 @@ fn join(a: &[PassRange], b: &[PassRange]) -> Result<Vec<PassRange>, PartError> {
     for range in all {
         match joined.last_mut().filter(|last| last.seed == range.seed) {
             Some(last) if range.start < last.end => {
-                return Err(PartError::Overlap(PassRange { end: range.end.min(last.end), ..range }));
+                return Err(PartError::Overlap(PassRange {
+                    end: range.end.min(last.end),
+                    ..range
+                }));
             }
             Some(last) if range.start == last.end => last.end = range.end,
             _ => joined.push(range),
@@ -288,7 +339,10 @@ mod tests {
             image: BTreeMap::from([("integrator".to_owned(), "bdpt".to_owned())]),
             passes: vec![PassRange { seed, start, end }],
         };
-        Part { header, sums: (0..24).map(|i| value + i).collect() }
+        Part {
+            header,
+            sums: (0..24).map(|i| value + i).collect(),
+        }
     }
 
     #[test]
@@ -318,14 +372,30 @@ mod tests {
 
     #[test]
     fn overlap_and_strangers_are_refused() {
-        let text = |a: &Part, b: &Part| merge([a.clone(), b.clone()]).expect_err("refused").to_string();
+        let text = |a: &Part, b: &Part| {
+            merge([a.clone(), b.clone()])
+                .expect_err("refused")
+                .to_string()
+        };
         let a = part(7, 0, 8, 0);
-        assert_eq!(text(&a, &part(7, 6, 10, 0)), "passes 6..8 of seed 7 are in more than one part");
-        assert!(merge([a.clone(), part(8, 6, 10, 0)]).is_ok(), "another seed is other passes");
+        assert_eq!(
+            text(&a, &part(7, 6, 10, 0)),
+            "passes 6..8 of seed 7 are in more than one part"
+        );
+        assert!(
+            merge([a.clone(), part(8, 6, 10, 0)]).is_ok(),
+            "another seed is other passes"
+        );
         let mut b = part(7, 8, 9, 0);
         b.header.scene_hash = 0x10;
-        assert_eq!(text(&a, &b), "parts differ in scene (hash): 0000000000000001 and 0000000000000010");
-        assert!(matches!(merge([part(1, 0, 1, i128::MAX - 23), part(1, 1, 2, 1)]), Err(PartError::Overflow)));
+        assert_eq!(
+            text(&a, &b),
+            "parts differ in scene (hash): 0000000000000001 and 0000000000000010"
+        );
+        assert!(matches!(
+            merge([part(1, 0, 1, i128::MAX - 23), part(1, 1, 2, 1)]),
+            Err(PartError::Overflow)
+        ));
         assert!(matches!(merge([]), Err(PartError::Empty)));
     }
 
@@ -342,7 +412,8 @@ mod tests {
             assert!(decode(&damaged).is_err(), "byte {i}");
         }
         let mut bomb = part(1, 0, 2, 5);
-        (bomb.header.width, bomb.header.height, bomb.header.crop) = (u32::MAX, u32::MAX, [0, 0, u32::MAX, u32::MAX]);
+        (bomb.header.width, bomb.header.height, bomb.header.crop) =
+            (u32::MAX, u32::MAX, [0, 0, u32::MAX, u32::MAX]);
         assert!(encode(&bomb).is_err());
     }
 }

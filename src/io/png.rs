@@ -7,7 +7,11 @@ use std::path::Path;
 /// The sRGB encoding of a linear value, as a byte (IEC 61966-2-1). Out of range is cut, not-a-number is black.
 #[must_use]
 pub fn srgb_byte(linear: f64) -> u8 {
-    let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    let encoded = if linear <= 0.003_130_8 {
+        12.92 * linear
+    } else {
+        1.055 * linear.powf(1.0 / 2.4) - 0.055
+    };
     // the cast saturates and makes 0 of not-a-number
     (encoded * 255.0).round() as u8
 }
@@ -27,7 +31,10 @@ pub fn write_preview(
 ) -> Result<(), FileError> {
     let gain = exposure_ev.exp2();
     let (pixels, _) = xyz.as_chunks::<3>();
-    let bytes: Vec<u8> = pixels.iter().flat_map(|p| to_linear_srgb(p.map(|v| v * gain)).map(srgb_byte)).collect();
+    let bytes: Vec<u8> = pixels
+        .iter()
+        .flat_map(|p| to_linear_srgb(p.map(|v| v * gain)).map(srgb_byte))
+        .collect();
     write_atomic(path, |file| {
         let mut encoder = png::Encoder::new(file, width, height);
         encoder.set_color(png::ColorType::Rgb);
@@ -45,9 +52,16 @@ mod tests {
 
     #[test]
     fn encoding_of_the_standard() {
-        for (linear, byte) in
-            [(0.0, 0), (1.0, 255), (0.5, 188), (0.003_130_8, 10), (0.18, 118), (-3.0, 0), (7.0, 255), (f64::NAN, 0)]
-        {
+        for (linear, byte) in [
+            (0.0, 0),
+            (1.0, 255),
+            (0.5, 188),
+            (0.003_130_8, 10),
+            (0.18, 118),
+            (-3.0, 0),
+            (7.0, 255),
+            (f64::NAN, 0),
+        ] {
             assert_eq!(srgb_byte(linear), byte, "{linear}");
         }
     }
@@ -56,12 +70,25 @@ mod tests {
     fn exposure_doubles_per_stop() {
         let dir = tempfile::tempdir().expect("temporary folder");
         let path = dir.path().join("a.png");
-        write_preview(&path, 2, 1, &[0.09, 0.09, 0.09, 0.25, 0.25, 0.25], 1.0, |xyz| xyz).expect("writes");
-        let decoder = png::Decoder::new(io::BufReader::new(std::fs::File::open(&path).expect("there")));
+        write_preview(
+            &path,
+            2,
+            1,
+            &[0.09, 0.09, 0.09, 0.25, 0.25, 0.25],
+            1.0,
+            |xyz| xyz,
+        )
+        .expect("writes");
+        let decoder = png::Decoder::new(io::BufReader::new(
+            std::fs::File::open(&path).expect("there"),
+        ));
         let mut reader = decoder.read_info().expect("valid");
         let mut pixels = [0; 6];
         reader.next_frame(&mut pixels).expect("valid");
         assert_eq!(pixels, [118, 118, 118, 188, 188, 188]);
-        assert!(write_preview(&path, 3, 1, &[0.0; 6], 0.0, |xyz| xyz).is_err(), "too few pixels");
+        assert!(
+            write_preview(&path, 3, 1, &[0.0; 6], 0.0, |xyz| xyz).is_err(),
+            "too few pixels"
+        );
     }
 }

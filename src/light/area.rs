@@ -3,11 +3,9 @@
 //! Radiance is the same over the whole surface and in every direction of an emitting side. Points are drawn by world
 //! area (a mesh is one light with one area table), directions by the cosine.
 
-use super::{
-    DirectSample, EmissionSample, LightContext, PI_INV, cosine_hemisphere, factor, unit_from_to,
-};
+use super::{DirectSample, EmissionSample, LightContext, factor, unit_from_to};
 use crate::geometry::{DirectionalDensity, EndPoint, Instance, InstanceId, SurfacePoint};
-use crate::math::frame::Frame;
+use crate::math::{frame::Frame, sampling};
 use crate::spectrum::Emission;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
@@ -58,7 +56,7 @@ impl AreaLight {
             .geometry(context)
             .sample_area(self.instance, context.time, u_face, u_pos);
         let (side, u_dir) = self.choose_side(u_dir);
-        let local = cosine_hemisphere(u_dir);
+        let local = sampling::cosine_hemisphere(u_dir.into());
         let direction = Frame::from_z(sample.point.ng * side)
             .to_outer(local)
             .normalize();
@@ -86,7 +84,7 @@ impl AreaLight {
 
     /// Density per solid angle of the emitted direction.
     fn direction_density(&self, ng: DVec3, direction: DVec3) -> f64 {
-        self.emitting_cos(ng, direction) * PI_INV / self.sides()
+        sampling::cosine_hemisphere_pdf(self.emitting_cos(ng, direction)) / self.sides()
     }
 
     pub(super) fn emission_density(

@@ -2,8 +2,9 @@
 //!
 //! The aperture plane is where the light starts; nothing behind it is lit.
 
-use super::{DirectSample, EmissionSample, factor, placed_axis, point_end, posed, unit_disk};
+use super::{DirectSample, EmissionSample, factor, placed_axis, point_end, posed};
 use crate::geometry::{DirectionalDensity, Transform};
+use crate::math::sampling;
 use crate::spectrum::Emission;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
@@ -41,7 +42,7 @@ impl BeamLight {
     }
 
     pub(super) fn sample_emission(&self, time: f64, u_pos: DVec2) -> EmissionSample {
-        let local = (self.radius_m * unit_disk(u_pos)).extend(0.0);
+        let local = (self.radius_m * sampling::disk(u_pos.into())).extend(0.0);
         let origin = self.transform.at(time).to_world.transform_point3(local);
         EmissionSample {
             x0: point_end(origin),

@@ -3,8 +3,9 @@
 //! x₀ is a direction, measured in solid angle in every strategy. Emission draws the direction evenly, then a point of
 //! the disc of the bounding sphere's radius, outside the scene and normal to it.
 
-use super::{DirectSample, EmissionSample, LightContext, factor, far_disk_origin, unit_sphere};
+use super::{DirectSample, EmissionSample, LightContext, factor, far_disk_origin};
 use crate::geometry::{DirectionalDensity, EndPoint};
+use crate::math::sampling;
 use crate::spectrum::Emission;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
@@ -18,7 +19,7 @@ pub struct EnvironmentLight {
 
 impl EnvironmentLight {
     /// Density per solid angle of the direction, for emission and connection alike.
-    pub(super) const DIRECTION_PDF: f64 = 1.0 / (4.0 * PI);
+    pub(super) const DIRECTION_PDF: f64 = sampling::UNIFORM_SPHERE_PDF;
 
     /// Density per area normal to the direction.
     pub(super) fn disk_density(context: &LightContext) -> DirectionalDensity {
@@ -35,7 +36,7 @@ impl EnvironmentLight {
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        let direction = unit_sphere(u_dir);
+        let direction = sampling::uniform_sphere(u_dir.into());
         (context.radius > 0.0).then(|| EmissionSample {
             x0: end(direction),
             origin: far_disk_origin(context, direction, u_pos),
@@ -47,7 +48,7 @@ impl EnvironmentLight {
     }
 
     pub(super) fn sample_direct(u: DVec2) -> DirectSample {
-        let toward = unit_sphere(u);
+        let toward = sampling::uniform_sphere(u.into());
         DirectSample {
             x0: end(-toward),
             toward,

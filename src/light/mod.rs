@@ -16,10 +16,9 @@ pub mod selection;
 pub mod spot;
 
 use crate::geometry::{Accel, DirectionalDensity, EndPoint, SurfacePoint, Transform};
-use crate::math::frame::Frame;
+use crate::math::{frame::Frame, sampling};
 use crate::spectrum::{Emission, SampledSpectrum, SampledWavelengths};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use std::f64::consts::TAU;
 
 /// Index of a light in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -113,6 +112,21 @@ impl Light {
             Self::Beam(light) => &light.irradiance,
             Self::Environment(light) => &light.radiance,
         }
+    }
+
+    /// The same light with another emission spectrum.
+    #[must_use]
+    pub fn map_emission(mut self, f: impl FnOnce(Emission) -> Emission) -> Self {
+        let emission = match &mut self {
+            Self::Area(light) => &mut light.radiance,
+            Self::Point(light) => &mut light.intensity,
+            Self::Spot(light) => &mut light.intensity,
+            Self::Directional(light) => &mut light.irradiance,
+            Self::Beam(light) => &mut light.irradiance,
+            Self::Environment(light) => &mut light.radiance,
+        };
+        *emission = f(std::mem::take(emission));
+        self
     }
 
     /// Emitted power weighted by visibility (any common unit): for choosing lights.
@@ -292,8 +306,6 @@ impl Light {
     }
 }
 
-const PI_INV: f64 = std::f64::consts::FRAC_1_PI;
-
 /// The same number in every lane: a weight or value for unit emission.
 fn factor(value: f64) -> SampledSpectrum {
     SampledSpectrum::splat(value as f32)
@@ -329,21 +341,8 @@ fn placed_axis(transform: &Transform, time: f64) -> DVec3 {
 
 /// A point of the disc of the bounding sphere's radius, one radius before the centre, normal to `direction`.
 fn far_disk_origin(context: &LightContext, direction: DVec3, u: DVec2) -> DVec3 {
-    let disk = unit_disk(u).extend(-1.0);
+    let disk = sampling::disk(u.into()).extend(-1.0);
     context.center + context.radius * Frame::from_z(direction).to_outer(disk)
-}
-
-fn unit_disk(u: DVec2) -> DVec2 {
-    u.x.sqrt() * DVec2::from_angle(TAU * u.y)
-}
-
-fn unit_sphere(u: DVec2) -> DVec3 {
-    let z = 1.0 - 2.0 * u.x;
-    (DVec2::from_angle(TAU * u.y) * (1.0 - z * z).max(0.0).sqrt()).extend(z)
-}
-
-fn cosine_hemisphere(u: DVec2) -> DVec3 {
-    unit_disk(u).extend((1.0 - u.x).sqrt())
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! A point that shines equally in all directions.
 
-use super::{DirectSample, EmissionSample, factor, point_end, unit_from_to, unit_sphere};
+use super::{DirectSample, EmissionSample, factor, point_end, unit_from_to};
 use crate::geometry::{DirectionalDensity, Transform};
+use crate::math::sampling;
 use crate::spectrum::Emission;
 use glam::{DAffine3, DVec2, DVec3};
 use std::f64::consts::PI;
@@ -29,7 +30,8 @@ impl PointLight {
     /// Flux per unit intensity.
     pub(super) const FLUX_FACTOR: f64 = 4.0 * PI;
 
-    pub(super) const DIRECTION_PDF: f64 = 1.0 / (4.0 * PI);
+    /// Density per solid angle of the emitted direction.
+    pub(super) const DIRECTION_PDF: f64 = sampling::UNIFORM_SPHERE_PDF;
 
     fn position(&self, time: f64) -> DVec3 {
         self.transform.at(time).to_world.translation
@@ -40,7 +42,7 @@ impl PointLight {
         EmissionSample {
             x0: point_end(p),
             origin: p,
-            direction: unit_sphere(u_dir),
+            direction: sampling::uniform_sphere(u_dir.into()),
             pdf_x0: 1.0,
             pdf_direction: DirectionalDensity::SolidAngle(Self::DIRECTION_PDF),
             weight: factor(Self::FLUX_FACTOR),
@@ -82,7 +84,7 @@ mod tests {
     #[test]
     fn directions_cover_the_sphere_evenly() {
         let light = PointLight::at(DVec3::ZERO, Emission::default());
-        let n = 64;
+        let n = 64_usize;
         let mut first = DVec3::ZERO;
         let mut second = DVec3::ZERO;
         for i in 0..n * n {

@@ -2,14 +2,67 @@
 
 use super::*;
 use crate::geometry::{Instance, InstanceId, Shape};
+use crate::spectrum::{Curve, WavelengthDistribution};
 use glam::DQuat;
 use std::f64::consts::PI;
 
 fn unit_emission() -> Emission {
-    Emission {
-        scale: 1.0,
-        ..Emission::default()
+    Emission::from_curve(Curve::Constant(1.0))
+}
+
+#[test]
+fn spectrum_multiplies_every_value() {
+    let accel = accel();
+    let context = context(&accel);
+    let wavelengths = WavelengthDistribution::uniform([400.0, 700.0]).sample(0.3, 4);
+    let x1 = DVec3::new(1.1, 0.1, 0.5);
+    for light in lights() {
+        let scaled = |factor: f64| {
+            let mut light = light.clone();
+            match &mut light {
+                Light::Area(l) => l.radiance = unit_emission().scaled(factor),
+                Light::Point(l) => l.intensity = unit_emission().scaled(factor),
+                Light::Spot(l) => l.intensity = unit_emission().scaled(factor),
+                Light::Directional(l) => l.irradiance = unit_emission().scaled(factor),
+                Light::Beam(l) => l.irradiance = unit_emission().scaled(factor),
+                Light::Environment(l) => l.radiance = unit_emission().scaled(factor),
+            }
+            light
+        };
+        let u = DVec2::new(0.4, 0.7);
+        let unit = light.start(&context, 0.2, u, u).unwrap();
+        let three = scaled(3.0)
+            .sample_emission(&context, &wavelengths, 0.2, u, u)
+            .unwrap();
+        assert!((three.weight[3] / unit.weight[3] - 3.0).abs() < 1e-6);
+        let near = scaled(3.0).sample_direct(&context, &wavelengths, x1, 0.2, u);
+        if let Some(unit) = light.connect(&context, x1, 0.2, u) {
+            assert!((near.unwrap().value[1] / unit.value[1] - 3.0).abs() < 1e-6);
+        }
+        assert!((scaled(2.0).power(&context) / light.power(&context) - 2.0).abs() < 1e-12);
+        let escaped = scaled(2.0).escaped_radiance(DVec3::Z, &wavelengths)[0];
+        let expected = if matches!(light, Light::Environment(_)) {
+            2.0
+        } else {
+            0.0
+        };
+        assert_eq!(escaped, expected);
     }
+    let point = accel.instances()[0]
+        .sample_area(InstanceId(0), 0.0, 0.5, DVec2::splat(0.5))
+        .point;
+    assert_eq!(
+        area(0, false).radiance(&point, point.ng, &wavelengths)[0],
+        1.0
+    );
+    assert_eq!(
+        area(0, false).radiance(&point, -point.ng, &wavelengths)[0],
+        0.0
+    );
+    assert_eq!(
+        area(0, true).radiance(&point, -point.ng, &wavelengths)[0],
+        1.0
+    );
 }
 
 /// A disk of radius 0.3, moved and turned, as instance 0 and a quad as instance 1.

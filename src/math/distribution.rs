@@ -72,6 +72,12 @@ impl AliasTable {
         Some(Self { bins, pmf, total })
     }
 
+    /// Memory held, in bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.bins.as_slice()) + size_of_val(self.pmf.as_slice())
+    }
+
     /// Sum of the weights.
     #[must_use]
     pub fn total(&self) -> f64 {

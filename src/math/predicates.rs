@@ -84,16 +84,9 @@ impl TriangleRay {
     /// The hit with 0 < t < `t_max`, from either side; edges and vertices belong to all their triangles.
     #[must_use]
     #[inline(always)]
-    pub fn intersect(
-        &self,
-        v0: &[f32; 3],
-        v1: &[f32; 3],
-        v2: &[f32; 3],
-        t_max: f64,
-    ) -> Option<TriangleHit> {
-        let a = self.shear(v0);
-        let b = self.shear(v1);
-        let c = self.shear(v2);
+    pub fn intersect(&self, corners: &[[f32; 3]; 3], t_max: f64) -> Option<TriangleHit> {
+        let [v0, v1, v2] = corners;
+        let (a, b, c) = (self.shear(v0), self.shear(v1), self.shear(v2));
         let u = c[0] * b[1] - c[1] * b[0];
         let v = a[0] * c[1] - a[1] * c[0];
         let w = b[0] * a[1] - b[1] * a[0];
@@ -138,21 +131,17 @@ mod tests {
         ] {
             let d = (target - o) * 0.37;
             let hit = TriangleRay::new(o, d)
-                .intersect(&v[0], &v[1], &v[2], f64::INFINITY)
+                .intersect(&v, f64::INFINITY)
                 .expect("aimed at the inside");
             assert!((hit.t - 1.0 / 0.37).abs() < 1e-13);
             assert!((hit.weights[0] - b).abs() < 1e-13 && (hit.weights[1] - c).abs() < 1e-13);
             assert!((hit.d_dot_normal - d.dot(n).abs()).abs() < 1e-12);
             assert!(
                 TriangleRay::new(o, -d)
-                    .intersect(&v[0], &v[1], &v[2], f64::INFINITY)
+                    .intersect(&v, f64::INFINITY)
                     .is_none()
             );
-            assert!(
-                TriangleRay::new(o, d)
-                    .intersect(&v[0], &v[1], &v[2], hit.t)
-                    .is_none()
-            );
+            assert!(TriangleRay::new(o, d).intersect(&v, hit.t).is_none());
         }
     }
 

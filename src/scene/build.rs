@@ -1,6 +1,6 @@
 //! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends of paths.
 
-use super::description::{SceneDescription, WavelengthChoice};
+use super::description::{SceneDescription, WavelengthChoice, WavelengthSettings};
 use super::effects::find_effects;
 use super::probe::stack_at;
 use super::{Object, Scene, Sensor};
@@ -58,6 +58,15 @@ impl Scene {
         if described.len() + sensors.len() >= u32::MAX as usize {
             return Err(BuildError::TooManyInstances(u32::MAX));
         }
+        let chosen_lines = match &wavelengths.choice {
+            WavelengthChoice::Lines(lines) => Some(lines.clone()),
+            _ => None,
+        };
+        // where only some lines exist, continuous light stands for a band of 1 nm about each
+        let seen = |emission: Emission| match &chosen_lines {
+            Some(lines) => emission.restricted_to_lines(lines),
+            None => emission,
+        };
         for object in described {
             let id = InstanceId(instances.len() as u32);
             let instance = Instance { shape: object.shape, transform: object.transform };
@@ -65,7 +74,7 @@ impl Scene {
                 let light = LightId(lights.len() as u32);
                 lights.push(Light::Area(AreaLight {
                     instance: id,
-                    radiance: emission.radiance,
+                    radiance: seen(emission.radiance),
                     two_sided: emission.two_sided,
                 }));
                 light_names.push(object.name.clone());
@@ -83,7 +92,7 @@ impl Scene {
             });
         }
         for free in free_lights {
-            lights.push(free.light);
+            lights.push(free.light.map_emission(seen));
             light_names.push(free.name);
         }
         let mut placed = Vec::with_capacity(sensors.len());
@@ -116,15 +125,7 @@ impl Scene {
         if !powers.iter().any(|&p| p > 0.0) {
             return Err(BuildError::NoLight);
         }
-        let emitters: Vec<(&Emission, f64)> =
-            lights.iter().map(Light::emission).zip(powers.iter().copied()).collect();
-        let [low, high] = wavelengths.range_nm;
-        let distribution = match &wavelengths.choice {
-            WavelengthChoice::Scene => WavelengthDistribution::scene(&emitters, [low, high]),
-            WavelengthChoice::Uniform => WavelengthDistribution::uniform_with_lines(&emitters, [low, high]),
-            WavelengthChoice::Visible => WavelengthDistribution::visible_with_lines(&emitters, [low, high]),
-            WavelengthChoice::Lines(lines) => WavelengthDistribution::lines(lines),
-        };
+        let distribution = distribution(&wavelengths, &lights, &powers);
 
         let mut light_stacks = Vec::with_capacity(lights.len());
         for (light, name) in lights.iter().zip(&light_names) {
@@ -159,6 +160,30 @@ impl Scene {
         };
         scene.effects = find_effects(&scene);
         Ok(scene)
+    }
+}
+
+/// The distribution of wavelengths for these lights.
+fn distribution(settings: &WavelengthSettings, lights: &[Light], powers: &[f64]) -> WavelengthDistribution {
+    if let WavelengthChoice::Lines(lines) = &settings.choice {
+        return WavelengthDistribution::lines(lines);
+    }
+    // the weight of an emitter is its flux per unit of its spectrum
+    let emitters: Vec<(Emission, f64)> = lights
+        .iter()
+        .zip(powers)
+        .map(|(light, power)| {
+            let emission = light.emission().clone();
+            let visible = emission.visible_power();
+            let weight = if visible > 0.0 { power / visible } else { 0.0 };
+            (emission, weight)
+        })
+        .collect();
+    let scene = WavelengthDistribution::scene(&emitters, settings.range_nm);
+    match &settings.choice {
+        WavelengthChoice::Uniform => WavelengthDistribution::uniform(settings.range_nm).with_atoms_of(&scene),
+        WavelengthChoice::Visible => WavelengthDistribution::visible(settings.range_nm).with_atoms_of(&scene),
+        _ => scene,
     }
 }
 

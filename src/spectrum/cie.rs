@@ -51,10 +51,8 @@ mod tests {
         assert_eq!(cmf(555.0)[1], 1.0);
         assert_eq!(cmf(359.9), [0.0; 3]);
         assert_eq!(cmf(830.1), [0.0; 3]);
-        let half = cmf(500.5);
-        for c in 0..3 {
-            assert!((half[c] - 0.5 * (cmf(500.0)[c] + cmf(501.0)[c])).abs() < 1e-12);
-        }
+        let [half, low, high] = [cmf(500.5), cmf(500.0), cmf(501.0)];
+        assert!((0..3).all(|c| (half[c] - 0.5 * (low[c] + high[c])).abs() < 1e-12));
         assert!(cmf(830.0)[0] > 0.0 && cmf(f64::NAN) == [0.0; 3]);
     }
 }

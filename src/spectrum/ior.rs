@@ -104,7 +104,7 @@ impl Ior {
         if !(1..=6).contains(&number) {
             return bad(format!("there is no dispersion formula {number} (1 to 6)"));
         }
-        if coefficients.len() % 2 == 0 || (number == 4 && coefficients.len() < 9) {
+        if coefficients.len().is_multiple_of(2) || (number == 4 && coefficients.len() < 9) {
             let rule = if number == 4 {
                 "9, 11, 13, ..."
             } else {

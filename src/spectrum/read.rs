@@ -270,8 +270,8 @@ fn check_um(um: &[f64]) -> Result<(), String> {
     if um.is_empty() || um.len() > MAX_ROWS {
         return Err(format!("a table has 1 to {MAX_ROWS} rows"));
     }
-    // 1e-3 um apart at least 1e-6 um (1e-3 nm): the precision wavelengths are kept at.
-    let increasing = um.windows(2).all(|w| w[1] - w[0] >= 1e-6);
+    // At least 1e-3 nm apart: the precision wavelengths are kept at.
+    let increasing = um.windows(2).all(|w| w[1] - w[0] >= 0.999e-6);
     if !increasing || um.iter().any(|l| !(l.is_finite() && *l >= 1e-3)) {
         return Err(String::from(
             "wavelengths must be strictly increasing micrometers",

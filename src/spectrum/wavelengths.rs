@@ -34,7 +34,7 @@ impl SampledWavelengths {
         self.lambda_nm[lane]
     }
 
-    /// Density of lane `lane`: a probability at an atom, per nanometre elsewhere.
+    /// Density of lane `lane`: a probability at an atom, per nanometer elsewhere.
     #[must_use]
     pub fn pdf(&self, lane: usize) -> f64 {
         self.pdf[lane]
@@ -150,8 +150,9 @@ impl WavelengthDistribution {
                         .sum::<f64>()
             };
             // An emitter that nobody sees still reaches spectral channels: it counts by its plain power.
-            let seen = power(true) > 0.0;
-            let share = power(seen);
+            let visible = power(true);
+            let seen = visible > 0.0;
+            let share = if seen { visible } else { power(false) };
             if let Some(curve) = &emission.continuous {
                 curve.append_knots_nm(&mut knots);
                 continuous.push((curve, factor, seen));
@@ -183,6 +184,21 @@ impl WavelengthDistribution {
             continuous.iter().map(at).sum()
         };
         Self::build(range_nm, &knots, density, &lines, uniform_share)
+    }
+
+    /// The same distribution with the atoms of `other`, at their probability there: so that a uniform choice finds the
+    /// lines of a scene too.
+    #[must_use]
+    pub fn with_atoms_of(&self, other: &Self) -> Self {
+        let atoms = other.atoms().map(|(nm, p)| (nm, nm, p));
+        let share: f64 = other.atoms().map(|(_, p)| p).sum();
+        let cells = self
+            .pieces
+            .iter()
+            .map(|p| (p.low_nm, p.high_nm, p.probability * (1.0 - share)));
+        let mut all: Vec<_> = cells.chain(atoms).collect();
+        all.sort_by(|p, q| p.0.total_cmp(&q.0).then(p.1.total_cmp(&q.1)));
+        Self::from_masses(self.range_nm, all.into_iter())
     }
 
     /// Atoms only, equally probable, at these wavelengths (nanometers, at least one; repetitions count once).
@@ -416,32 +432,27 @@ mod tests {
                     let (lambda, v) = (s.lambda_nm(lane), (u + lane as f64 / 8.0).fract());
                     assert_eq!(s.pdf(lane), d.density(lambda));
                     assert_eq!(s.is_line(lane), d.atoms().any(|a| a.0 == lambda));
-                    let before: f64 = d
+                    let low: f64 = d
                         .pieces
                         .iter()
-                        .filter(|p| p.high_nm < lambda)
-                        .map(|p| p.probability)
-                        .sum();
-                    let piece = d
-                        .pieces
-                        .iter()
-                        .find(|p| {
-                            p.density() == s.pdf(lane) && p.low_nm <= lambda && lambda <= p.high_nm
+                        .map(|p| {
+                            if p.is_atom() {
+                                if p.low_nm < lambda {
+                                    p.probability
+                                } else {
+                                    0.0
+                                }
+                            } else {
+                                let width = p.high_nm - p.low_nm;
+                                let part = ((lambda - p.low_nm) / width).clamp(0.0, 1.0);
+                                p.probability * part
+                            }
                         })
-                        .unwrap();
-                    let part = if piece.is_atom() {
-                        piece.probability
-                    } else {
-                        (lambda - piece.low_nm) * s.pdf(lane)
-                    };
-                    let low = if piece.is_atom() {
-                        before
-                    } else {
-                        before + part
-                    };
+                        .sum();
+                    let jump = if s.is_line(lane) { s.pdf(lane) } else { 0.0 };
                     assert!(
-                        low - 1e-9 <= v && v <= before + part + 1e-9,
-                        "{lambda} {v} {before} {part}"
+                        low - 1e-9 <= v && v <= low + jump + 1e-9,
+                        "{lambda} {v} {low} {jump}"
                     );
                 }
             }

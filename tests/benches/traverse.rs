@@ -63,7 +63,7 @@ fn bumpy_sphere(rows: u32, columns: u32) -> Mesh {
             triangles.push([quad[0], quad[2], quad[3]]);
         }
     }
-    Mesh::new(positions, None, None, triangles).expect("a valid mesh")
+    Mesh::new(&positions, None, None, triangles).expect("a valid mesh")
 }
 
 /// A fixed stream of numbers in [0, 1).
@@ -162,6 +162,7 @@ fn occluded_chords(bencher: Bencher) {
     occluded(bencher, &chords());
 }
 
+#[expect(clippy::print_stdout, reason = "the output of a benchmark")]
 fn main() {
     if let Shape::Mesh(mesh) = &SCENE.instances()[0].shape {
         let (n, bytes) = (mesh.triangle_count(), mesh.bytes());

@@ -66,12 +66,13 @@ fn leaving_outward_never_hits_a_convex_shape() {
 #[test]
 fn leaving_inward_hits_the_far_side_of_a_solid() {
     let mut random = Random::new(12);
+    let solids = [Shape::Sphere, Shape::Box, ball(3)];
     for map in placements(&mut random) {
         // Where the shape is a millionth of its distance, its far side is known to 1e-4 of its size only.
         let size = map.matrix3.x_axis.length();
         let blur = 1e-13 * (1.0 + map.translation.length() / size) + 1e-6;
-        for shape in [Shape::Sphere, Shape::Box, ball(3)] {
-            let accel = scene(&[(&shape, map)]);
+        for shape in &solids {
+            let accel = scene(&[(shape, map)]);
             for _ in 0..300 {
                 let from = sample(&accel, &mut random);
                 let to = sample(&accel, &mut random);
@@ -92,9 +93,10 @@ fn leaving_inward_hits_the_far_side_of_a_solid() {
 #[test]
 fn segments_between_points_of_a_convex_solid_are_free_inside_and_blocked_by_nothing_else() {
     let mut random = Random::new(13);
+    let solids = [Shape::Sphere, Shape::Box, ball(3)];
     for map in placements(&mut random) {
-        for shape in [Shape::Sphere, Shape::Box, ball(3)] {
-            let accel = scene(&[(&shape, map)]);
+        for shape in &solids {
+            let accel = scene(&[(shape, map)]);
             for _ in 0..300 {
                 let (from, to) = (sample(&accel, &mut random), sample(&accel, &mut random));
                 let v = to.p - from.p;

@@ -85,8 +85,8 @@ pub fn icosphere(level: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
 }
 
 pub fn mesh(points: &[DVec3], faces: &[[u32; 3]]) -> Mesh {
-    let positions = points.iter().map(|p| p.as_vec3().to_array()).collect();
-    Mesh::new(positions, None, None, faces.to_vec()).expect("a valid mesh")
+    let positions: Vec<[f32; 3]> = points.iter().map(|p| p.as_vec3().to_array()).collect();
+    Mesh::new(&positions, None, None, faces.to_vec()).expect("a valid mesh")
 }
 
 pub fn ball(level: u32) -> Shape {

@@ -149,7 +149,7 @@ fn the_tree_finds_what_brute_force_finds() {
             let tri = TriangleRay::new(o, d);
             let brute = corners
                 .iter()
-                .filter_map(|[a, b, c]| tri.intersect(a, b, c, f64::INFINITY))
+                .filter_map(|c| tri.intersect(c, f64::INFINITY))
                 .map(|h| h.t)
                 .reduce(f64::min);
             let ray = Ray::new(o, d, 0.0);
@@ -225,7 +225,7 @@ fn powers_of_two_change_nothing() {
 #[test]
 fn coincident_triangles_build_and_answer() {
     let one = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|v| v.to_array());
-    let mesh = abbe::geometry::Mesh::new(one.to_vec(), None, None, vec![[0, 1, 2]; 20_000]);
+    let mesh = abbe::geometry::Mesh::new(&one, None, None, vec![[0, 1, 2]; 20_000]);
     let shape = Shape::Mesh(Arc::new(mesh.expect("valid")));
     let accel = scene(&[(&shape, DAffine3::IDENTITY)]);
     let ray = Ray::new(dvec3(0.2, 0.2, 1.0), DVec3::NEG_Z, 0.0);

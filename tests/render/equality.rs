@@ -116,22 +116,19 @@ max_depth = 5
 [[sensor]]
 resolution = [16, 16]
 filter = "gaussian"
-perspective = { eye = [0, 1, 3.4], target = [0, 1, 0], fov_deg = 40 }
+perspective = { eye = [0, 1, 0.95], target = [0, 0.9, 0], fov_deg = 80 }
 [material.white]
 diffuse = { reflectance = 0.7 }
 [material.red]
 diffuse = { reflectance = [0.6, 0.1, 0.1] }
-[material.black]
 [[object]]
 box = { min = [-1, 0, -1], max = [1, 2, 1] }
-transform = [{ scale = [-1, 1, 1] }]
 material = "white"
 [[object]]
 sphere = { center = [0.3, 0.4, 0], radius = 0.4 }
 material = "red"
 [[object]]
 quad = { center = [0, 1.98, 0], u = [0.5, 0, 0], v = [0, 0, 0.5] }
-material = "black"
 emission = 5
 [[object]]
 sphere = { center = [-0.6, 0.6, 0.3], radius = 0.05 }

@@ -39,16 +39,28 @@ impl Source {
             .map(|(key, value)| {
                 let padded = format!("{}\nv = {}", " ".repeat(start), value_as_toml(value));
                 start = padded.len();
-                Override { key: key.clone(), typed: format!("{key}={value}"), padded }
+                Override {
+                    key: key.clone(),
+                    typed: format!("{key}={value}"),
+                    padded,
+                }
             })
             .collect();
-        Self { name: name.to_owned(), text: text.to_owned(), overrides }
+        Self {
+            name: name.to_owned(),
+            text: text.to_owned(),
+            overrides,
+        }
     }
 
     /// A problem at a place.
     #[must_use]
     pub fn error(&self, span: &Range<usize>, problem: Problem) -> SceneFileError {
-        SceneFileError { file: self.name.clone(), place: self.place(span.start), problem }
+        SceneFileError {
+            file: self.name.clone(),
+            place: self.place(span.start),
+            problem,
+        }
     }
 
     fn place(&self, offset: usize) -> Place {
@@ -59,13 +71,20 @@ impl Source {
         }
         let before = self.text.get(..offset).unwrap_or(&self.text);
         let line_start = before.rfind('\n').map_or(0, |i| i + 1);
-        Place::At { line: before.matches('\n').count() + 1, column: before[line_start..].chars().count() + 1 }
+        Place::At {
+            line: before.matches('\n').count() + 1,
+            column: before[line_start..].chars().count() + 1,
+        }
     }
 }
 
 /// A command-line value as TOML: as it stands where that is a TOML value, else as a string (`--set render.integrator=path`).
 fn value_as_toml(value: &str) -> String {
-    if !value.contains('\n') && DeValue::parse(value).is_ok() { value.to_owned() } else { format!("{value:?}") }
+    if !value.contains('\n') && DeValue::parse(value).is_ok() {
+        value.to_owned()
+    } else {
+        format!("{value:?}")
+    }
 }
 
 /// Parses the file. Syntax errors are all collected; nothing further is read where there are any.
@@ -74,30 +93,57 @@ pub fn parse(source: &Source) -> Result<DeTable<'_>, Vec<SceneFileError>> {
     if errors.is_empty() {
         return Ok(document.into_inner());
     }
-    let place = |e: &toml::de::Error| source.error(&e.span().unwrap_or(0..0), Problem::from_message(e.message()));
+    let place = |e: &toml::de::Error| {
+        source.error(
+            &e.span().unwrap_or(0..0),
+            Problem::from_message(e.message()),
+        )
+    };
     Err(errors.iter().take(MAX_ERRORS).map(place).collect())
 }
 
 /// Replaces or adds the values of the source's overrides. A key is dotted (`render.spp`); a list element is named by its
 /// index from 0 or by its `name` (`object.0.material`, `object.lens.material`). Whether the last key exists is left to the
 /// schema, which reports unknown keys.
-pub fn apply_overrides<'s>(document: &mut DeTable<'s>, source: &'s Source) -> Result<(), Vec<SceneFileError>> {
+pub fn apply_overrides<'s>(
+    document: &mut DeTable<'s>,
+    source: &'s Source,
+) -> Result<(), Vec<SceneFileError>> {
     let mut errors = Vec::new();
     for o in &source.overrides {
         let value = DeTable::parse(&o.padded)
             .map_err(|e| Problem::from_message(e.message()))
-            .and_then(|t| t.into_inner().into_iter().next().ok_or_else(|| Problem::Form("no value".to_owned())));
+            .and_then(|t| {
+                t.into_inner()
+                    .into_iter()
+                    .next()
+                    .ok_or_else(|| Problem::Form("no value".to_owned()))
+            });
         if let Err(problem) = value.and_then(|(_, value)| set(document, &o.key, value)) {
-            errors.push(SceneFileError { file: source.name.clone(), place: Place::Override(o.typed.clone()), problem });
+            errors.push(SceneFileError {
+                file: source.name.clone(),
+                place: Place::Override(o.typed.clone()),
+                problem,
+            });
         }
     }
-    if errors.is_empty() { Ok(()) } else { Err(errors) }
+    if errors.is_empty() {
+        Ok(())
+    } else {
+        Err(errors)
+    }
 }
 
-fn set<'s>(document: &mut DeTable<'s>, key: &str, value: Spanned<DeValue<'s>>) -> Result<(), Problem> {
+fn set<'s>(
+    document: &mut DeTable<'s>,
+    key: &str,
+    value: Spanned<DeValue<'s>>,
+) -> Result<(), Problem> {
     let steps: Vec<&str> = key.split('.').collect();
     if steps.iter().any(|s| s.is_empty()) {
-        return Err(Problem::Form("the key has an empty part (allowed: names and indices joined by dots)".to_owned()));
+        return Err(Problem::Form(
+            "the key has an empty part (allowed: names and indices joined by dots)".to_owned(),
+        ));
     }
     let span = value.span();
     let new_table = || Spanned::new(span.clone(), DeValue::Table(DeTable::new()));
@@ -105,7 +151,9 @@ fn set<'s>(document: &mut DeTable<'s>, key: &str, value: Spanned<DeValue<'s>>) -
         let name = Spanned::new(span.clone(), step.to_owned().into());
         table.entry(name).or_insert(new);
     };
-    let (first, rest) = steps.split_first().expect("invariant: split yields at least one part");
+    let (first, rest) = steps
+        .split_first()
+        .expect("invariant: split yields at least one part");
     entry(document, first, new_table());
     let mut at = document.get_mut(*first).expect("invariant: just inserted");
     for step in rest {
@@ -116,15 +164,21 @@ fn set<'s>(document: &mut DeTable<'s>, key: &str, value: Spanned<DeValue<'s>>) -
             }
             DeValue::Array(items) => {
                 let count = items.len();
-                let named = |v: &Spanned<DeValue<'s>>| v.get_ref().get("name").and_then(|n| n.get_ref().as_str()) == Some(step);
+                let named = |v: &Spanned<DeValue<'s>>| {
+                    v.get_ref().get("name").and_then(|n| n.get_ref().as_str()) == Some(step)
+                };
                 let index = step.parse().ok().or_else(|| items.iter().position(named));
                 index.and_then(|i: usize| items.get_mut(i)).ok_or_else(|| {
-                    Problem::Form(format!("no list element \"{step}\" (allowed: 0..{count}, or an element's name)"))
+                    Problem::Form(format!(
+                        "no list element \"{step}\" (allowed: 0..{count}, or an element's name)"
+                    ))
                 })?
             }
             other => {
                 let kind = other.type_str();
-                return Err(Problem::Form(format!("\"{step}\" cannot be set inside a value of type {kind}")));
+                return Err(Problem::Form(format!(
+                    "\"{step}\" cannot be set inside a value of type {kind}"
+                )));
             }
         };
     }
@@ -150,11 +204,30 @@ impl Step {
 }
 
 /// Reads `T` from the document. After each error the smallest entry around it is removed and reading starts again, so that
-/// all errors are found; errors that only say that a removed entry is missing are passed over. `None` where nothing could
-/// be read.
-pub fn read_all<T: DeserializeOwned>(document: &DeTable<'_>, source: &Source, errors: &mut Vec<SceneFileError>) -> Option<T> {
-    let mut rest = document.clone();
-    let mut removed_from: Vec<Range<usize>> = Vec::new();
+/// all errors are found; errors that only say that a removed entry is missing are passed over. Gives what could be read, and
+/// the places of the tables and lists that something was removed from.
+pub fn read_all<T: DeserializeOwned>(
+    document: &DeTable<'_>,
+    source: &Source,
+    errors: &mut Vec<SceneFileError>,
+) -> (Option<T>, Vec<Place>) {
+    let mut removed_from = Vec::new();
+    let value = read_rest(document.clone(), source, errors, &mut removed_from);
+    (
+        value,
+        removed_from
+            .iter()
+            .map(|span| source.place(span.start))
+            .collect(),
+    )
+}
+
+fn read_rest<T: DeserializeOwned>(
+    mut rest: DeTable<'_>,
+    source: &Source,
+    errors: &mut Vec<SceneFileError>,
+    removed_from: &mut Vec<Range<usize>>,
+) -> Option<T> {
     for _ in 0..2 * MAX_ERRORS {
         let value = Spanned::new(0..0, DeValue::Table(rest.clone()));
         let error = match T::deserialize(ValueDeserializer::from(value)) {
@@ -163,7 +236,10 @@ pub fn read_all<T: DeserializeOwned>(document: &DeTable<'_>, source: &Source, er
         };
         let span = error.span().unwrap_or(0..0);
         let path = smallest_entry(&rest, &span);
-        let here = path.as_ref().and_then(|p| value_at(&mut rest, p)).map(|v| v.span());
+        let here = path
+            .as_ref()
+            .and_then(|p| value_at(&mut rest, p))
+            .map(|v| v.span());
         if !here.is_some_and(|h| removed_from.contains(&h)) {
             errors.push(source.error(&span, Problem::from_message(error.message())));
         }
@@ -185,7 +261,10 @@ pub fn read_all<T: DeserializeOwned>(document: &DeTable<'_>, source: &Source, er
 }
 
 /// The value at a path; `None` for the root and where there is none.
-fn value_at<'t, 's>(document: &'t mut DeTable<'s>, path: &[Step]) -> Option<&'t mut Spanned<DeValue<'s>>> {
+fn value_at<'t, 's>(
+    document: &'t mut DeTable<'s>,
+    path: &[Step],
+) -> Option<&'t mut Spanned<DeValue<'s>>> {
     let (first, rest) = path.split_first()?;
     let mut at = document.get_mut(first.key())?;
     for step in rest {
@@ -205,7 +284,11 @@ fn remove(parent: &mut DeValue<'_>, step: &Step) {
         }
         (DeValue::Array(items), Step::Index(index)) => {
             let mut kept = DeArray::new();
-            items.iter().enumerate().filter(|(i, _)| i != index).for_each(|(_, item)| kept.push(item.clone()));
+            items
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| i != index)
+                .for_each(|(_, item)| kept.push(item.clone()));
             *items = kept;
         }
         _ => {}
@@ -225,7 +308,11 @@ fn smallest_entry(document: &DeTable<'_>, span: &Range<usize>) -> Option<Vec<Ste
     best.map(|(_, path)| path)
 }
 
-fn visit_table(table: &DeTable<'_>, path: &mut Vec<Step>, see: &mut impl FnMut(&[Step], Range<usize>)) {
+fn visit_table(
+    table: &DeTable<'_>,
+    path: &mut Vec<Step>,
+    see: &mut impl FnMut(&[Step], Range<usize>),
+) {
     for (key, value) in table {
         path.push(Step::Key(key.get_ref().to_string()));
         see(path, key.span());
@@ -234,7 +321,11 @@ fn visit_table(table: &DeTable<'_>, path: &mut Vec<Step>, see: &mut impl FnMut(&
     }
 }
 
-fn visit_value(value: &Spanned<DeValue<'_>>, path: &mut Vec<Step>, see: &mut impl FnMut(&[Step], Range<usize>)) {
+fn visit_value(
+    value: &Spanned<DeValue<'_>>,
+    path: &mut Vec<Step>,
+    see: &mut impl FnMut(&[Step], Range<usize>),
+) {
     see(path, value.span());
     match value.get_ref() {
         DeValue::Table(table) => visit_table(table, path, see),
@@ -253,14 +344,21 @@ fn visit_value(value: &Spanned<DeValue<'_>>, path: &mut Vec<Step>, see: &mut imp
 #[must_use]
 pub fn names(document: &DeTable<'_>, section: &str) -> Vec<String> {
     let table = document.get(section).and_then(|v| v.get_ref().as_table());
-    table.map(|t| t.keys().map(|k| k.get_ref().to_string()).collect()).unwrap_or_default()
+    table
+        .map(|t| t.keys().map(|k| k.get_ref().to_string()).collect())
+        .unwrap_or_default()
 }
 
 /// A hash of what the document says without its `[render]` table: comments, order of keys and layout do not matter.
 #[must_use]
 pub fn scene_hash(document: &DeTable<'_>) -> u64 {
     let scene = document.iter().filter(|(key, _)| key.get_ref() != "render");
-    scene.fold(0, |hash, (key, value)| combine(combine(hash, hash_bytes(key.get_ref().as_bytes())), hash_value(value.get_ref())))
+    scene.fold(0, |hash, (key, value)| {
+        combine(
+            combine(hash, hash_bytes(key.get_ref().as_bytes())),
+            hash_value(value.get_ref()),
+        )
+    })
 }
 
 fn hash_value(value: &DeValue<'_>) -> u64 {
@@ -270,10 +368,20 @@ fn hash_value(value: &DeValue<'_>) -> u64 {
         DeValue::Float(x) => (3, hash_bytes(x.as_str().as_bytes())),
         DeValue::Boolean(b) => (4, u64::from(*b)),
         DeValue::Datetime(d) => (5, hash_bytes(d.to_string().as_bytes())),
-        DeValue::Array(items) => (6, items.iter().fold(0, |h, v| combine(h, hash_value(v.get_ref())))),
+        DeValue::Array(items) => (
+            6,
+            items
+                .iter()
+                .fold(0, |h, v| combine(h, hash_value(v.get_ref()))),
+        ),
         DeValue::Table(table) => (
             7,
-            table.iter().fold(0, |h, (k, v)| combine(combine(h, hash_bytes(k.get_ref().as_bytes())), hash_value(v.get_ref()))),
+            table.iter().fold(0, |h, (k, v)| {
+                combine(
+                    combine(h, hash_bytes(k.get_ref().as_bytes())),
+                    hash_value(v.get_ref()),
+                )
+            }),
         ),
     };
     combine(tag, hash)

@@ -39,7 +39,9 @@ pub enum Problem {
     #[error("file \"{0}\" not found (paths are relative to the scene file)")]
     MissingFile(String),
     /// A path that leaves the folder of the scene file.
-    #[error("file \"{0}\" is outside the scene's folder (allowed: a relative path without \"..\" into the folder of the scene file)")]
+    #[error(
+        "file \"{0}\" is outside the scene's folder (allowed: a relative path without \"..\" into the folder of the scene file)"
+    )]
     OutsideFolder(String),
     /// A file above its size limit.
     #[error("file \"{path}\" has {bytes} bytes (allowed: at most {limit})")]
@@ -73,10 +75,19 @@ fn hint(suggestion: Option<&str>, known: &[String]) -> String {
 impl Problem {
     /// An unknown name, with the nearest of `known` as suggestion.
     #[must_use]
-    pub fn unknown<'a>(what: &'static str, name: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
+    pub fn unknown<'a>(
+        what: &'static str,
+        name: &str,
+        known: impl IntoIterator<Item = &'a str>,
+    ) -> Self {
         let known: Vec<String> = known.into_iter().map(str::to_owned).collect();
         let suggestion = nearest(name, &known);
-        Self::Unknown { what, name: name.to_owned(), suggestion, known }
+        Self::Unknown {
+            what,
+            name: name.to_owned(),
+            suggestion,
+            known,
+        }
     }
 
     /// The problem behind a message of serde or of the TOML parser.
@@ -95,7 +106,19 @@ impl Problem {
         {
             return Self::Conflict(format!("key \"{name}\" is missing"));
         }
-        Self::Form(message.trim_end().replace('\n', ", ").replace('`', "\""))
+        let plain = message
+            .trim_end()
+            .replace('\n', ", ")
+            .replace("`\"`", "a quotation mark")
+            .replace('`', "\"");
+        let plain = plain
+            .replace("expected i64", "expected a whole number")
+            .replace("expected f64", "expected a number");
+        // the name of a struct of this program means nothing to the reader
+        Self::Form(match plain.split_once("expected struct ") {
+            Some((before, _)) => format!("{before}expected a table"),
+            None => plain,
+        })
     }
 }
 
@@ -162,7 +185,9 @@ impl fmt::Display for SceneFileError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.place {
             Place::File => write!(f, "{}: {}", self.file, self.problem),
-            Place::At { line, column } => write!(f, "{}:{line}:{column}: {}", self.file, self.problem),
+            Place::At { line, column } => {
+                write!(f, "{}:{line}:{column}: {}", self.file, self.problem)
+            }
             Place::Override(text) => write!(f, "--set {text}: {}", self.problem),
         }
     }
@@ -184,7 +209,11 @@ impl SceneFileErrors {
     /// One problem of the file as a whole.
     #[must_use]
     pub fn whole_file(file: &str, problem: Problem) -> Self {
-        Self(vec![SceneFileError { file: file.to_owned(), place: Place::File, problem }])
+        Self(vec![SceneFileError {
+            file: file.to_owned(),
+            place: Place::File,
+            problem,
+        }])
     }
 
     /// The problems.
@@ -214,7 +243,12 @@ mod tests {
 
     #[test]
     fn edit_distance_counts_changes() {
-        for (a, b, d) in [("", "abc", 3), ("kitten", "sitting", 3), ("flaw", "lawn", 2), ("same", "same", 0)] {
+        for (a, b, d) in [
+            ("", "abc", 3),
+            ("kitten", "sitting", 3),
+            ("flaw", "lawn", 2),
+            ("same", "same", 0),
+        ] {
             assert_eq!(edit_distance(a, b), d, "{a} {b}");
             assert_eq!(edit_distance(b, a), d, "{b} {a}");
         }
@@ -224,9 +258,18 @@ mod tests {
     fn suggests_only_near_names() {
         let known = ["N-BK7", "N-SF11", "WATER"];
         let text = |name| Problem::unknown("glass", name, known).to_string();
-        assert_eq!(text("NBK7"), "unknown glass \"NBK7\" (did you mean \"N-BK7\"?)");
-        assert_eq!(text("water"), "unknown glass \"water\" (did you mean \"WATER\"?)");
-        assert_eq!(text("diamond"), "unknown glass \"diamond\" (known: N-BK7, N-SF11, WATER)");
+        assert_eq!(
+            text("NBK7"),
+            "unknown glass \"NBK7\" (did you mean \"N-BK7\"?)"
+        );
+        assert_eq!(
+            text("water"),
+            "unknown glass \"water\" (did you mean \"WATER\"?)"
+        );
+        assert_eq!(
+            text("diamond"),
+            "unknown glass \"diamond\" (known: N-BK7, N-SF11, WATER)"
+        );
     }
 
     #[test]

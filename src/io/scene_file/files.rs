@@ -25,10 +25,17 @@ pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, Problem> {
     }
     let metadata = path.metadata().map_err(missing)?;
     if !metadata.is_file() {
-        return Err(Problem::BadFile { path: name.to_owned(), message: "not a file".to_owned() });
+        return Err(Problem::BadFile {
+            path: name.to_owned(),
+            message: "not a file".to_owned(),
+        });
     }
     if metadata.len() > limit {
-        return Err(Problem::TooLarge { path: name.to_owned(), bytes: metadata.len(), limit });
+        return Err(Problem::TooLarge {
+            path: name.to_owned(),
+            bytes: metadata.len(),
+            limit,
+        });
     }
     Ok(path)
 }
@@ -36,7 +43,10 @@ pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, Problem> {
 /// Rows of 2 to `N` numbers separated by commas, semicolons, tabs or blanks; missing columns are 0. Empty lines, `#`
 /// comments and one header line without numbers are passed over. The first column (nm) must ascend.
 pub fn read_csv<const N: usize>(path: &Path, name: &str) -> Result<Vec<[f64; N]>, Problem> {
-    let bad = |message: String| Problem::BadFile { path: name.to_owned(), message };
+    let bad = |message: String| Problem::BadFile {
+        path: name.to_owned(),
+        message,
+    };
     let text = std::fs::read_to_string(path).map_err(|e| bad(e.to_string()))?;
     parse_csv(&text).map_err(bad)
 }
@@ -45,7 +55,12 @@ fn parse_csv<const N: usize>(text: &str) -> Result<Vec<[f64; N]>, String> {
     let mut rows: Vec<[f64; N]> = Vec::new();
     let mut header_seen = false;
     for (i, line) in text.lines().enumerate() {
-        let line = line.split('#').next().unwrap_or_default().trim_start_matches('\u{feff}').trim();
+        let line = line
+            .split('#')
+            .next()
+            .unwrap_or_default()
+            .trim_start_matches('\u{feff}')
+            .trim();
         if line.is_empty() {
             continue;
         }
@@ -56,18 +71,30 @@ fn parse_csv<const N: usize>(text: &str) -> Result<Vec<[f64; N]>, String> {
             continue;
         }
         if cells.len() < 2 || cells.len() > N {
-            return Err(format!("line {}: {} columns (allowed: 2 to {N})", i + 1, cells.len()));
+            return Err(format!(
+                "line {}: {} columns (allowed: 2 to {N})",
+                i + 1,
+                cells.len()
+            ));
         }
         let mut row = [0.0; N];
         for (value, cell) in row.iter_mut().zip(&cells) {
-            *value = cell.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| format!("line {}: \"{cell}\" is not a finite number", i + 1))?;
+            *value = cell
+                .parse()
+                .ok()
+                .filter(|v: &f64| v.is_finite())
+                .ok_or_else(|| format!("line {}: \"{cell}\" is not a finite number", i + 1))?;
         }
         if rows.last().is_some_and(|last| last[0] >= row[0]) {
             return Err(format!("line {}: wavelengths must ascend", i + 1));
         }
         rows.push(row);
     }
-    if rows.is_empty() { Err("no rows (allowed: lines of \"nm,value\")".to_owned()) } else { Ok(rows) }
+    if rows.is_empty() {
+        Err("no rows (allowed: lines of \"nm,value\")".to_owned())
+    } else {
+        Ok(rows)
+    }
 }
 
 #[cfg(test)]
@@ -78,7 +105,10 @@ mod tests {
     fn csv_rows() {
         let rows = parse_csv::<2>("nm,value\n# c\n400, 0.5\n\n500;1e-3 # end\n").expect("valid");
         assert_eq!(rows, [[400.0, 0.5], [500.0, 1e-3]]);
-        assert_eq!(parse_csv::<3>("400 1.5\n500 1.4 0.1").expect("valid"), [[400.0, 1.5, 0.0], [500.0, 1.4, 0.1]]);
+        assert_eq!(
+            parse_csv::<3>("400 1.5\n500 1.4 0.1").expect("valid"),
+            [[400.0, 1.5, 0.0], [500.0, 1.4, 0.1]]
+        );
     }
 
     #[test]
@@ -102,16 +132,38 @@ mod tests {
         std::fs::write(dir.path().join("secret.csv"), "1,2").expect("file");
         std::fs::write(inner.join("a.csv"), "1,2").expect("file");
         assert!(find(&inner, "./a.csv", 3).is_ok());
-        assert!(matches!(find(&inner, "a.csv", 2), Err(Problem::TooLarge { bytes: 3, limit: 2, .. })));
-        assert!(matches!(find(&inner, "b.csv", 3), Err(Problem::MissingFile(_))));
+        assert!(matches!(
+            find(&inner, "a.csv", 2),
+            Err(Problem::TooLarge {
+                bytes: 3,
+                limit: 2,
+                ..
+            })
+        ));
+        assert!(matches!(
+            find(&inner, "b.csv", 3),
+            Err(Problem::MissingFile(_))
+        ));
         let absolute = inner.join("a.csv");
-        for name in ["../secret.csv", "x/../../secret.csv", absolute.to_str().expect("utf-8"), "..\\secret.csv"] {
-            assert!(matches!(find(&inner, name, 3), Err(Problem::OutsideFolder(_))), "{name}");
+        for name in [
+            "../secret.csv",
+            "x/../../secret.csv",
+            absolute.to_str().expect("utf-8"),
+            "..\\secret.csv",
+        ] {
+            assert!(
+                matches!(find(&inner, name, 3), Err(Problem::OutsideFolder(_))),
+                "{name}"
+            );
         }
         #[cfg(unix)]
         {
-            std::os::unix::fs::symlink(dir.path().join("secret.csv"), inner.join("link.csv")).expect("link");
-            assert!(matches!(find(&inner, "link.csv", 3), Err(Problem::OutsideFolder(_))));
+            std::os::unix::fs::symlink(dir.path().join("secret.csv"), inner.join("link.csv"))
+                .expect("link");
+            assert!(matches!(
+                find(&inner, "link.csv", 3),
+                Err(Problem::OutsideFolder(_))
+            ));
         }
     }
 }

@@ -5,15 +5,14 @@
 //! `scenes/README.md` is the reference of every key.
 
 mod check;
-pub mod document;
-pub mod error;
+pub(in crate::io) mod document;
+mod error;
 mod files;
-pub mod plan;
-pub mod resolve;
-pub mod schema;
+mod plan;
+mod resolve;
+mod schema;
 
 pub use error::{Place, Problem, SceneFileError, SceneFileErrors};
-pub use plan::Plan;
 pub use schema::OutputUnits;
 
 use crate::math::hash::combine;
@@ -21,6 +20,7 @@ use crate::scene::description::SceneDescription;
 use crate::scene::settings::Settings;
 use check::Names;
 use document::Source;
+use plan::Plan;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -41,8 +41,7 @@ pub struct LoadedScene {
 /// A checked scene file: all that can be said without the libraries of spectra and glasses and without reading meshes.
 #[derive(Clone, Debug)]
 pub struct CheckedScene {
-    /// The scene in SI units.
-    pub plan: Plan,
+    plan: Plan,
     /// Hash of what the file says (without `[render]`) and of the files it names.
     pub hash: u64,
     /// As in [`LoadedScene`].
@@ -56,7 +55,8 @@ pub struct CheckedScene {
 /// All problems of the file.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedScene, SceneFileErrors> {
     let name = path.display().to_string();
-    let text = read_scene_text(path).map_err(|problem| SceneFileErrors::whole_file(&name, problem))?;
+    let text =
+        read_scene_text(path).map_err(|problem| SceneFileErrors::whole_file(&name, problem))?;
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
         _ => PathBuf::from("."),
@@ -84,13 +84,22 @@ pub fn check_str(
 ) -> Result<CheckedScene, SceneFileErrors> {
     let source = Source::new(name, text, overrides);
     let (plan, hash, warnings) = check_source(&source, folder).map_err(|errors| {
-        SceneFileErrors::from_unsorted(errors)
-            .unwrap_or_else(|| SceneFileErrors::whole_file(name, Problem::Form("nothing could be read".to_owned())))
+        SceneFileErrors::from_unsorted(errors).unwrap_or_else(|| {
+            SceneFileErrors::whole_file(name, Problem::Form("nothing could be read".to_owned()))
+        })
     })?;
-    Ok(CheckedScene { plan, hash, warnings, source })
+    Ok(CheckedScene {
+        plan,
+        hash,
+        warnings,
+        source,
+    })
 }
 
-fn check_source(source: &Source, folder: &Path) -> Result<(Plan, u64, Vec<String>), Vec<SceneFileError>> {
+fn check_source(
+    source: &Source,
+    folder: &Path,
+) -> Result<(Plan, u64, Vec<String>), Vec<SceneFileError>> {
     let mut document = document::parse(source)?;
     document::apply_overrides(&mut document, source)?;
     let names = Names {
@@ -100,8 +109,14 @@ fn check_source(source: &Source, folder: &Path) -> Result<(Plan, u64, Vec<String
         meshes: document::names(&document, "mesh"),
     };
     let mut errors = Vec::new();
-    let Some(file) = document::read_all(&document, source, &mut errors) else { return Err(errors) };
+    let (file, incomplete) = document::read_all(&document, source, &mut errors);
+    let Some(file) = file else { return Err(errors) };
     let (plan, mut checker) = check::check(&file, source, folder, &names);
+    // that a table lacks what was taken out of it is no news
+    let follows = |e: &SceneFileError| {
+        matches!(e.problem, Problem::Conflict(_)) && incomplete.contains(&e.place)
+    };
+    checker.errors.retain(|e| !follows(e));
     errors.append(&mut checker.errors);
     if !errors.is_empty() {
         return Err(errors);
@@ -115,23 +130,47 @@ fn check_source(source: &Source, folder: &Path) -> Result<(Plan, u64, Vec<String
 }
 
 fn finish(checked: CheckedScene) -> Result<LoadedScene, SceneFileErrors> {
-    let CheckedScene { plan, hash, warnings, source } = checked;
+    let CheckedScene {
+        plan,
+        hash,
+        warnings,
+        source,
+    } = checked;
     let (settings, units) = (plan.settings.clone(), plan.units);
     let description = resolve::resolve(plan, hash, &source)?;
-    Ok(LoadedScene { description, settings, units, warnings })
+    Ok(LoadedScene {
+        description,
+        settings,
+        units,
+        warnings,
+    })
 }
 
 fn read_scene_text(path: &Path) -> Result<String, Problem> {
     let name = path.display().to_string();
-    let bad = |message: String| Problem::BadFile { path: name.clone(), message };
+    let bad = |message: String| Problem::BadFile {
+        path: name.clone(),
+        message,
+    };
     let file = File::open(path).map_err(|e| bad(e.to_string()))?;
     let mut bytes = Vec::new();
-    file.take(files::MAX_SCENE_BYTES + 1).read_to_end(&mut bytes).map_err(|e| bad(e.to_string()))?;
+    file.take(files::MAX_SCENE_BYTES + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|e| bad(e.to_string()))?;
     if bytes.len() as u64 > files::MAX_SCENE_BYTES {
         let size = path.metadata().map_or(bytes.len() as u64, |m| m.len());
-        return Err(Problem::TooLarge { path: name, bytes: size, limit: files::MAX_SCENE_BYTES });
+        return Err(Problem::TooLarge {
+            path: name,
+            bytes: size,
+            limit: files::MAX_SCENE_BYTES,
+        });
     }
-    String::from_utf8(bytes).map_err(|e| bad(format!("not UTF-8 at byte {}", e.utf8_error().valid_up_to())))
+    String::from_utf8(bytes).map_err(|e| {
+        bad(format!(
+            "not UTF-8 at byte {}",
+            e.utf8_error().valid_up_to()
+        ))
+    })
 }
 
 fn hash_file(path: &Path) -> std::io::Result<u64> {

@@ -69,7 +69,12 @@ impl SpectrumPlan {
     /// The same value everywhere.
     #[must_use]
     pub fn constant(value: f64) -> Self {
-        Self { source: SpectrumSource::Constant(value), scale: 1.0, luminance: None, at: 0..0 }
+        Self {
+            source: SpectrumSource::Constant(value),
+            scale: 1.0,
+            luminance: None,
+            at: 0..0,
+        }
     }
 }
 
@@ -147,11 +152,22 @@ pub enum LobePlan {
     /// Perfect mirror.
     Mirror { reflectance: SpectrumPlan },
     /// Metal.
-    Conductor { ior: IorPlan, alpha: [f64; 2], tint: SpectrumPlan },
+    Conductor {
+        ior: IorPlan,
+        alpha: [f64; 2],
+        tint: SpectrumPlan,
+    },
     /// Interface between media.
-    Dielectric { alpha: [f64; 2], reflect_tint: SpectrumPlan, transmit_tint: SpectrumPlan },
+    Dielectric {
+        alpha: [f64; 2],
+        reflect_tint: SpectrumPlan,
+        transmit_tint: SpectrumPlan,
+    },
     /// Thin sheet.
-    Thin { ior: IorPlan, transmit_tint: SpectrumPlan },
+    Thin {
+        ior: IorPlan,
+        transmit_tint: SpectrumPlan,
+    },
 }
 
 /// A mesh file.
@@ -214,13 +230,30 @@ pub struct LightPlan {
 #[derive(Clone, Debug)]
 pub enum LightKind {
     /// W/(sr nm).
-    Point { position: DVec3, intensity: SpectrumPlan },
+    Point {
+        position: DVec3,
+        intensity: SpectrumPlan,
+    },
     /// W/(sr nm) within the inner half-angle (radians), 0 from the outer one on.
-    Spot { position: DVec3, direction: DVec3, inner_rad: f64, outer_rad: f64, intensity: SpectrumPlan },
+    Spot {
+        position: DVec3,
+        direction: DVec3,
+        inner_rad: f64,
+        outer_rad: f64,
+        intensity: SpectrumPlan,
+    },
     /// W/(m² nm) on a surface at right angles.
-    Directional { direction: DVec3, irradiance: SpectrumPlan },
+    Directional {
+        direction: DVec3,
+        irradiance: SpectrumPlan,
+    },
     /// The same, inside a circle only.
-    Beam { position: DVec3, direction: DVec3, radius_m: f64, irradiance: SpectrumPlan },
+    Beam {
+        position: DVec3,
+        direction: DVec3,
+        radius_m: f64,
+        irradiance: SpectrumPlan,
+    },
     /// W/(m² sr nm).
     Environment { radiance: SpectrumPlan },
 }
@@ -244,9 +277,19 @@ pub struct SensorPlan {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SensorKind {
     /// Pinhole (aperture radius 0) or thin lens.
-    Perspective { to_world: DAffine3, fov_rad: f64, aperture_radius_m: f64, focus_distance_m: f64 },
+    Perspective {
+        to_world: DAffine3,
+        fov_rad: f64,
+        aperture_radius_m: f64,
+        focus_distance_m: f64,
+    },
     /// Parallel projection, full height in metres.
     Orthographic { to_world: DAffine3, height_m: f64 },
     /// Receiving rectangle with half edges `u` (right) and `v` (up); accepts on the side of u × v.
-    Detector { center: DVec3, u: DVec3, v: DVec3, transparent: bool },
+    Detector {
+        center: DVec3,
+        u: DVec3,
+        v: DVec3,
+        transparent: bool,
+    },
 }

@@ -2,14 +2,345 @@
 //! kind of thing.
 
 use super::document::Source;
-use super::error::SceneFileErrors;
-use super::plan::Plan;
-use crate::scene::description::SceneDescription;
+use super::error::{Problem, SceneFileError, SceneFileErrors};
+use super::plan::{
+    AbsorptionPlan, IorPlan, LightKind, LightPlan, LobePlan, MediumPlan, MeshPlan, ObjectPlan, Plan, SensorKind,
+    SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
+};
+use super::schema::FilterName;
+use crate::camera::detector::Detector;
+use crate::camera::orthographic::Orthographic;
+use crate::camera::perspective::{Perspective, ThinLens};
+use crate::camera::{Camera, Resolution};
+use crate::film::Filter;
+use crate::geometry::{Mesh, Shape, Transform};
+use crate::io::obj;
+use crate::light::beam::BeamLight;
+use crate::light::directional::DirectionalLight;
+use crate::light::environment::EnvironmentLight;
+use crate::light::point::PointLight;
+use crate::light::spot::SpotLight;
+use crate::light::Light;
+use crate::material::{LobeSpec, Material, MaterialId};
+use crate::medium::{Boundary, Medium, MediumId};
+use crate::scene::description::{
+    AreaEmission, LightDescription, ObjectDescription, SceneDescription, SensorDescription,
+};
+use crate::spectrum::emission::Line;
+use crate::spectrum::library::{Library, LibraryError};
+use crate::spectrum::{Curve, Emission, Ior, upsample};
+use glam::{DAffine3, DMat3};
+use std::sync::Arc;
 
 /// Builds the description.
 ///
 /// # Errors
-/// Unknown library names, meshes that cannot be read, indices out of range.
-pub fn resolve(_plan: Plan, _hash: u64, _source: &Source) -> Result<SceneDescription, SceneFileErrors> {
-    todo!("spectra, lights and cameras")
+/// Unknown library names, indices without data, meshes that cannot be read or are not closed where they must be.
+pub fn resolve(plan: Plan, hash: u64, source: &Source) -> Result<SceneDescription, SceneFileErrors> {
+    let mut resolver =
+        Resolver { library: Library::embedded(), source, range_nm: plan.wavelengths.range_nm, errors: Vec::new() };
+    let description = resolver.scene(plan, hash);
+    match SceneFileErrors::from_unsorted(resolver.errors) {
+        None => Ok(description),
+        Some(errors) => Err(errors),
+    }
+}
+
+/// Looks names up, and collects what is wrong: every function returns a stand-in then.
+struct Resolver<'a> {
+    library: &'static Library,
+    source: &'a Source,
+    range_nm: [f64; 2],
+    errors: Vec<SceneFileError>,
+}
+
+impl Resolver<'_> {
+    fn error(&mut self, at: &Span, problem: Problem) {
+        self.errors.push(self.source.error(at, problem));
+    }
+
+    fn scene(&mut self, plan: Plan, hash: u64) -> SceneDescription {
+        let meshes: Vec<Option<Arc<Mesh>>> = plan.meshes.iter().map(|m| self.mesh(m)).collect();
+        SceneDescription {
+            media: plan.media.iter().map(|m| self.medium(m)).collect(),
+            materials: plan.materials.iter().map(|lobes| self.material(lobes)).collect(),
+            objects: plan.objects.iter().filter_map(|o| self.object(o, &meshes)).collect(),
+            lights: plan.lights.iter().map(|l| self.light(l)).collect(),
+            sensors: plan.sensors.iter().map(sensor).collect(),
+            wavelengths: plan.wavelengths,
+            ambient: MediumId::AMBIENT,
+            hash,
+        }
+    }
+
+    fn unknown(&mut self, at: &Span, error: LibraryError) {
+        let problem = match error {
+            LibraryError::Unknown { kind, name, suggestions } => Problem::Unknown {
+                what: kind,
+                name,
+                suggestion: suggestions.into_iter().next(),
+                known: Vec::new(),
+            },
+            other => Problem::Conflict(other.to_string()),
+        };
+        self.error(at, problem);
+    }
+
+    fn curve(&mut self, plan: &SpectrumPlan) -> Curve {
+        let curve = match &plan.source {
+            SpectrumSource::Constant(value) => Curve::Constant(*value),
+            SpectrumSource::Rgb(rgb) => upsample::reflectance(*rgb),
+            SpectrumSource::Library(name) => match self.library.curve(name) {
+                Ok(curve) => curve,
+                Err(error) => {
+                    self.unknown(&plan.at, error);
+                    Curve::Constant(0.0)
+                }
+            },
+            SpectrumSource::Table(rows) => table(rows),
+            SpectrumSource::Blackbody(temp_k) => Curve::Blackbody { temp_k: *temp_k, scale: 1.0 },
+            // rejected when the file was checked
+            SpectrumSource::Lines(_) => Curve::Constant(0.0),
+        };
+        let curve = match (curve, plan.scale) {
+            (Curve::Constant(value), scale) => Curve::Constant(value * scale),
+            (curve, 1.0) => curve,
+            (curve, scale) => curve.scaled(scale),
+        };
+        curve
+    }
+
+    /// A spectrum that may not exceed 1.
+    fn reflectance(&mut self, plan: &SpectrumPlan) -> Curve {
+        let curve = self.curve(plan);
+        let largest = curve.bounds().1;
+        if largest > 1.0 {
+            let value = largest.to_string();
+            let what = "the largest value of a reflectance or transmittance".to_owned();
+            self.error(&plan.at, Problem::Range { what, value, allowed: "0 to 1" });
+        }
+        curve
+    }
+
+    fn emission(&mut self, plan: &SpectrumPlan) -> Emission {
+        let emission = match &plan.source {
+            SpectrumSource::Rgb(rgb) => Emission::from_rgb(*rgb),
+            SpectrumSource::Library(name) => match self.library.emission(name) {
+                Ok(emission) => emission,
+                Err(error) => {
+                    self.unknown(&plan.at, error);
+                    Emission::default()
+                }
+            },
+            SpectrumSource::Lines(rows) => Emission::from_lines(
+                rows.iter().map(|&[lambda_nm, value]| Line { lambda_nm, value }).collect(),
+            ),
+            _ => {
+                let unscaled = SpectrumPlan { scale: 1.0, ..plan.clone() };
+                Emission::from_curve(self.curve(&unscaled))
+            }
+        };
+        match plan.luminance {
+            Some(y) => emission.with_luminance(y),
+            None => emission.scaled(plan.scale),
+        }
+    }
+
+    fn ior(&mut self, plan: &IorPlan, conductor: bool) -> Ior {
+        let (ior, at) = match plan {
+            IorPlan::Constant { n, k } if *k > 0.0 => {
+                (Ior::constant(*n).with_k(Curve::Constant(*k)), 0..0)
+            }
+            IorPlan::Constant { n, .. } => (Ior::constant(*n), 0..0),
+            IorPlan::Glass { name, at } | IorPlan::Metal { name, at } => match self.library.ior(name) {
+                Ok(ior) => (ior, at.clone()),
+                Err(error) => {
+                    self.unknown(at, error);
+                    return Ior::constant(1.5);
+                }
+            },
+            IorPlan::Cauchy(c) => {
+                let mut coefficients = vec![c.first().copied().unwrap_or(1.0)];
+                for (i, value) in c.iter().enumerate().skip(1) {
+                    coefficients.extend([*value, -2.0 * i as f64]);
+                }
+                (self.formula(5, coefficients, "Cauchy"), 0..0)
+            }
+            IorPlan::Sellmeier(terms) => {
+                let coefficients = std::iter::once(0.0).chain(terms.iter().flatten().copied()).collect();
+                (self.formula(2, coefficients, "Sellmeier"), 0..0)
+            }
+            IorPlan::Table { rows, extrapolate, at } => {
+                let column = |i: usize| rows.iter().map(|r| r[i]).collect::<Vec<f64>>();
+                let ior = Ior::table(&column(0), &column(1), &column(2)).with_extrapolation(*extrapolate);
+                (ior.named("the table", "the scene file"), at.clone())
+            }
+        };
+        let valid =
+            if conductor { ior.validate_conductor(self.range_nm) } else { ior.validate(self.range_nm) };
+        if let Err(error) = valid {
+            self.error(&at, Problem::Conflict(error.to_string()));
+        }
+        ior
+    }
+
+    /// A formula of the scene file: fitted by its author to the whole working range, as far as anyone knows.
+    fn formula(&mut self, number: u8, coefficients: Vec<f64>, name: &str) -> Ior {
+        match Ior::formula(number, coefficients, self.range_nm) {
+            Ok(ior) => ior.named(name, "the scene file"),
+            Err(error) => {
+                self.error(&(0..0), Problem::Conflict(error.to_string()));
+                Ior::constant(1.5)
+            }
+        }
+    }
+
+    fn medium(&mut self, plan: &MediumPlan) -> Medium {
+        let absorption = plan.absorption.as_ref().map(|absorption| match absorption {
+            AbsorptionPlan::Coefficient(plan) => self.curve(plan),
+            AbsorptionPlan::Color { color, distance_m } => {
+                let transmittance = self.reflectance(color);
+                coefficient_of(&transmittance, *distance_m, self.range_nm)
+            }
+        });
+        Medium {
+            name: plan.name.clone(),
+            ior: self.ior(&plan.ior, false),
+            absorption,
+            use_k: plan.use_k,
+        }
+    }
+
+    fn material(&mut self, lobes: &[(f64, LobePlan)]) -> Material {
+        Material { lobes: lobes.iter().map(|(weight, lobe)| (*weight, self.lobe(lobe))).collect() }
+    }
+
+    fn lobe(&mut self, plan: &LobePlan) -> LobeSpec {
+        match plan {
+            LobePlan::Diffuse { reflectance } => LobeSpec::Diffuse { reflectance: self.reflectance(reflectance) },
+            LobePlan::Mirror { reflectance } => LobeSpec::Mirror { reflectance: self.reflectance(reflectance) },
+            LobePlan::Conductor { ior, alpha, tint } => {
+                LobeSpec::Conductor { ior: self.ior(ior, true), alpha: *alpha, tint: self.reflectance(tint) }
+            }
+            LobePlan::Dielectric { alpha, reflect_tint, transmit_tint } => LobeSpec::Dielectric {
+                alpha: *alpha,
+                reflect_tint: self.reflectance(reflect_tint),
+                transmit_tint: self.reflectance(transmit_tint),
+            },
+            LobePlan::Thin { ior, transmit_tint } => {
+                LobeSpec::Thin { ior: self.ior(ior, false), transmit_tint: self.reflectance(transmit_tint) }
+            }
+        }
+    }
+
+    fn mesh(&mut self, plan: &MeshPlan) -> Option<Arc<Mesh>> {
+        match obj::load(&plan.path) {
+            Ok(mesh) => Some(Arc::new(mesh)),
+            Err(error) => {
+                let message = error.to_string();
+                self.error(&plan.at, Problem::BadFile { path: plan.name.clone(), message });
+                None
+            }
+        }
+    }
+
+    /// `None` where its mesh could not be read, which has been reported.
+    fn object(&mut self, plan: &ObjectPlan, meshes: &[Option<Arc<Mesh>>]) -> Option<ObjectDescription> {
+        let shape = match plan.shape {
+            ShapePlan::Sphere => Shape::Sphere,
+            ShapePlan::Disk { inner } => Shape::Disk { inner },
+            ShapePlan::Quad => Shape::Quad,
+            ShapePlan::Cylinder => Shape::Cylinder,
+            ShapePlan::Box => Shape::Box,
+            ShapePlan::Mesh(index) => Shape::Mesh(meshes.get(index)?.clone()?),
+        };
+        if let (Some(at), Boundary::Solid { .. }, false) = (&plan.interior_at, plan.boundary, shape.is_closed()) {
+            let message = "the mesh is not closed, so it has no interior (every edge needs two triangles that run \
+                           through it in opposite directions)";
+            self.error(at, Problem::Conflict(message.to_owned()));
+        }
+        let emission = plan.emission.as_ref().map(|(spectrum, two_sided)| AreaEmission {
+            radiance: self.emission(spectrum),
+            two_sided: *two_sided,
+        });
+        Some(ObjectDescription {
+            name: plan.name.clone(),
+            shape,
+            transform: Transform::fixed(plan.to_world),
+            material: MaterialId(plan.material),
+            boundary: plan.boundary,
+            emission,
+        })
+    }
+
+    fn light(&mut self, plan: &LightPlan) -> LightDescription {
+        let light = match &plan.kind {
+            LightKind::Point { position, intensity } => {
+                Light::Point(PointLight::at(*position, self.emission(intensity)))
+            }
+            LightKind::Spot { position, direction, inner_rad, outer_rad, intensity } => {
+                let intensity = self.emission(intensity);
+                Light::Spot(SpotLight::aimed(*position, *direction, intensity, *outer_rad, *inner_rad))
+            }
+            LightKind::Directional { direction, irradiance } => {
+                Light::Directional(DirectionalLight::along(*direction, self.emission(irradiance)))
+            }
+            LightKind::Beam { position, direction, radius_m, irradiance } => {
+                Light::Beam(BeamLight::aimed(*position, *direction, self.emission(irradiance), *radius_m))
+            }
+            LightKind::Environment { radiance } => {
+                Light::Environment(EnvironmentLight { radiance: self.emission(radiance) })
+            }
+        };
+        LightDescription { name: plan.name.clone(), light }
+    }
+}
+
+fn table(rows: &[[f64; 2]]) -> Curve {
+    let nm: Vec<f64> = rows.iter().map(|r| r[0]).collect();
+    let values: Vec<f64> = rows.iter().map(|r| r[1]).collect();
+    Curve::table(&nm, &values)
+}
+
+/// The absorption coefficient in 1/m that leaves `transmittance` after `distance_m`, at every nanometre of the range.
+fn coefficient_of(transmittance: &Curve, distance_m: f64, [low, high]: [f64; 2]) -> Curve {
+    // what lets nothing through over the distance lets 1e-6 through, so that coefficients stay finite
+    let coefficient = |nm: f64| -transmittance.eval(nm).max(1e-6).ln() / distance_m;
+    if let Curve::Constant(_) = transmittance {
+        return Curve::Constant(coefficient(low));
+    }
+    let steps = (high - low).ceil().max(1.0) as usize;
+    let nm: Vec<f64> = (0..=steps).map(|i| low + (high - low) * i as f64 / steps as f64).collect();
+    let values: Vec<f64> = nm.iter().map(|&nm| coefficient(nm)).collect();
+    Curve::table(&nm, &values)
+}
+
+fn sensor(plan: &SensorPlan) -> SensorDescription {
+    let [width, height] = plan.resolution;
+    let resolution = Resolution { width, height };
+    let camera = match plan.kind {
+        SensorKind::Perspective { to_world, fov_rad, aperture_radius_m, focus_distance_m } => {
+            let lens = (aperture_radius_m > 0.0)
+                .then_some(ThinLens { radius_m: aperture_radius_m, focus_distance_m });
+            Camera::Perspective(Perspective::new(Transform::fixed(to_world), resolution, fov_rad, lens))
+        }
+        SensorKind::Orthographic { to_world, height_m } => {
+            let width_m = height_m * f64::from(width) / f64::from(height);
+            Camera::Orthographic(Orthographic::new(Transform::fixed(to_world), resolution, width_m))
+        }
+        SensorKind::Detector { center, u, v, transparent } => {
+            let axes = DMat3::from_cols(u.normalize(), v.normalize(), u.cross(v).normalize());
+            let pose = DAffine3::from_mat3_translation(axes, center);
+            let mut detector = Detector::new(pose, 2.0 * u.length(), 2.0 * v.length(), resolution);
+            detector.transparent = transparent;
+            Camera::Detector(detector)
+        }
+    };
+    let filter = match (plan.filter, plan.filter_radius, &camera) {
+        (None | Some(FilterName::Box), _, Camera::Detector(_)) | (Some(FilterName::Box), _, _) => Filter::Box,
+        (Some(FilterName::Tent), radius, _) => Filter::Tent { radius: radius.unwrap_or(1.0) },
+        (_, None, _) => Filter::default(),
+        (_, Some(radius), _) => Filter::Gaussian { sigma: radius / 3.0, radius },
+    };
+    SensorDescription { name: plan.name.clone(), camera, filter }
 }

@@ -2,14 +2,19 @@
 
 use super::super::files::MAX_OBJ_BYTES;
 use super::super::plan::{LightKind, LightPlan, LobePlan, MeshPlan, ObjectPlan, ShapePlan, Span};
-use super::super::schema::{At, Light, Material, Mesh, NameOr, Named, Object, Quad, Scale, TransformStep};
+use super::super::schema::{
+    At, Light, Material, Mesh, NameOr, Named, Object, Quad, Scale, TransformStep,
+};
 use super::spectrum::Use;
 use super::{Allowed, Checker, NON_NEGATIVE, POSITIVE, label};
 use crate::medium::{Boundary, MediumId};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
 
-const HALF_ANGLE: Allowed = Allowed { text: "above 0, at most 180 degrees", test: |v| v > 0.0 && v <= 180.0 };
+const HALF_ANGLE: Allowed = Allowed {
+    text: "above 0, at most 180 degrees",
+    test: |v| v > 0.0 && v <= 180.0,
+};
 /// Material without lobes: the last one of the plan.
 type Materials = [Vec<(f64, LobePlan)>];
 
@@ -30,7 +35,11 @@ impl Checker<'_> {
         let path = self.file(obj, MAX_OBJ_BYTES)?;
         let known = self.meshes.iter().position(|m| m.path == path);
         Some(known.unwrap_or_else(|| {
-            self.meshes.push(MeshPlan { path, name: obj.get_ref().clone(), at: obj.span() });
+            self.meshes.push(MeshPlan {
+                path,
+                name: obj.get_ref().clone(),
+                at: obj.span(),
+            });
             self.meshes.len() - 1
         }))
     }
@@ -43,52 +52,97 @@ impl Checker<'_> {
         media: &[&str],
         meshes: &BTreeMap<String, usize>,
     ) -> Vec<ObjectPlan> {
-        let ids: BTreeMap<&str, usize> = defined.keys().enumerate().map(|(i, k)| (k.get_ref().as_str(), i)).collect();
+        let ids: BTreeMap<&str, usize> = defined
+            .keys()
+            .enumerate()
+            .map(|(i, k)| (k.get_ref().as_str(), i))
+            .collect();
         let mut plans: Vec<ObjectPlan> = Vec::new();
         for (i, object) in objects.iter().enumerate() {
             let o = object.get_ref();
             let at = object.span();
+            let errors_before = self.errors.len();
             let name = label(o.name.as_ref(), "object", i);
-            self.unique(o.name.as_ref(), "object", plans.iter().map(|p| p.name.as_str()));
+            self.unique(
+                o.name.as_ref(),
+                "object",
+                plans.iter().map(|p| p.name.as_str()),
+            );
             let material = match &o.material {
                 None => materials.len() - 1,
-                Some(name) => ids.get(name.get_ref().as_str()).copied().unwrap_or_else(|| {
-                    self.unknown("material", name, &self.names.materials);
-                    materials.len() - 1
-                }),
+                Some(name) => ids
+                    .get(name.get_ref().as_str())
+                    .copied()
+                    .unwrap_or_else(|| {
+                        self.unknown("material", name, &self.names.materials);
+                        materials.len() - 1
+                    }),
             };
             if o.material.is_none() && o.emission.is_none() {
-                self.warnings.push(format!("{name} has no material and no emission: it is black"));
+                self.warnings.push(format!(
+                    "{name} has no material and no emission: it is black"
+                ));
             }
             let shape = self.shape(o, &at, meshes);
             let boundary = self.boundary(o, &at, media);
             self.closedness(o, shape.map(|s| s.0), &materials[material], boundary);
             let emission = o.emission.as_ref().map(|e| {
-                (self.spectrum("emission", e, Use::Emission), o.two_sided.as_ref().is_some_and(|t| *t.get_ref()))
+                (
+                    self.spectrum("emission", e, Use::Emission),
+                    o.two_sided.as_ref().is_some_and(|t| *t.get_ref()),
+                )
             });
             if let (Some(two_sided), None) = (&o.two_sided, &o.emission) {
-                self.conflict(&two_sided.span(), "two_sided is for objects with emission only");
+                self.conflict(
+                    &two_sided.span(),
+                    "two_sided is for objects with emission only",
+                );
             }
-            let Some((shape, local)) = shape else { continue };
+            let Some((shape, local)) = shape else {
+                continue;
+            };
             let to_world = self.transform(&o.transform) * local;
-            if !to_world.matrix3.is_finite() || to_world.matrix3.determinant().abs() < f64::MIN_POSITIVE {
+            let singular = !to_world.matrix3.is_finite()
+                || to_world.matrix3.determinant().abs() < f64::MIN_POSITIVE;
+            if singular && self.errors.len() == errors_before {
                 self.conflict(&at, "the object has no volume or area after its transform (allowed: an invertible transform)");
             }
             let interior_at = o.interior.as_ref().map(At::span);
-            plans.push(ObjectPlan { name, shape, to_world, material: material as u32, boundary, emission, interior_at });
+            plans.push(ObjectPlan {
+                name,
+                shape,
+                to_world,
+                material: material as u32,
+                boundary,
+                emission,
+                interior_at,
+            });
         }
         plans
     }
 
-    fn unique<'n>(&mut self, name: Option<&At<String>>, kind: &str, mut others: impl Iterator<Item = &'n str>) {
+    fn unique<'n>(
+        &mut self,
+        name: Option<&At<String>>,
+        kind: &str,
+        mut others: impl Iterator<Item = &'n str>,
+    ) {
         if let Some(name) = name
             && others.any(|o| o == name.get_ref())
         {
-            self.conflict(&name.span(), format!("{kind} \"{}\" is defined twice", name.get_ref()));
+            self.conflict(
+                &name.span(),
+                format!("{kind} \"{}\" is defined twice", name.get_ref()),
+            );
         }
     }
 
-    fn shape(&mut self, o: &Object, at: &Span, meshes: &BTreeMap<String, usize>) -> Option<(ShapePlan, DAffine3)> {
+    fn shape(
+        &mut self,
+        o: &Object,
+        at: &Span,
+        meshes: &BTreeMap<String, usize>,
+    ) -> Option<(ShapePlan, DAffine3)> {
         let choices = [
             ("sphere", o.sphere.is_some()),
             ("disk", o.disk.is_some()),
@@ -98,26 +152,42 @@ impl Checker<'_> {
             ("mesh", o.mesh.is_some()),
         ];
         self.exactly_one(at, "object", &choices)?;
-        let center = |c: &mut Self, p: Option<&At<[f64; 3]>>| p.map_or(DVec3::ZERO, |p| c.point("center", p));
+        let center = |c: &mut Self, p: Option<&At<[f64; 3]>>| {
+            p.map_or(DVec3::ZERO, |p| c.point("center", p))
+        };
         if let Some(s) = &o.sphere {
             let s = s.get_ref();
             let r = self.length("radius", &s.radius, POSITIVE);
             let center = center(self, s.center.as_ref());
-            return Some((ShapePlan::Sphere, placed(DMat3::from_diagonal(DVec3::splat(r)), center)));
+            return Some((
+                ShapePlan::Sphere,
+                placed(DMat3::from_diagonal(DVec3::splat(r)), center),
+            ));
         }
         if let Some(d) = &o.disk {
             let d = d.get_ref();
             let radius = self.length("radius", &d.radius, POSITIVE);
-            let inner = d.inner_radius.as_ref().map_or(0.0, |r| self.length("inner_radius", r, NON_NEGATIVE));
+            let inner = d
+                .inner_radius
+                .as_ref()
+                .map_or(0.0, |r| self.length("inner_radius", r, NON_NEGATIVE));
             if let Some(r) = &d.inner_radius
                 && inner >= radius
             {
                 self.conflict(&r.span(), "inner_radius is not smaller than radius");
             }
-            let normal = d.normal.as_ref().map_or(DVec3::Z, |n| self.direction("normal", n));
+            let normal = d
+                .normal
+                .as_ref()
+                .map_or(DVec3::Z, |n| self.direction("normal", n));
             let center = center(self, d.center.as_ref());
             let map = DMat3::from_quat(DQuat::from_rotation_arc(DVec3::Z, normal)) * radius;
-            return Some((ShapePlan::Disk { inner: inner / radius }, placed(map, center)));
+            return Some((
+                ShapePlan::Disk {
+                    inner: inner / radius,
+                },
+                placed(map, center),
+            ));
         }
         if let Some(q) = &o.quad {
             return self.quad(q).map(|map| (ShapePlan::Quad, map));
@@ -136,22 +206,38 @@ impl Checker<'_> {
             return Some((ShapePlan::Cylinder, placed(map, from + half)));
         }
         if let Some(b) = &o.box_ {
-            let (min, max) = (self.point("min", &b.get_ref().min), self.point("max", &b.get_ref().max));
+            let (min, max) = (
+                self.point("min", &b.get_ref().min),
+                self.point("max", &b.get_ref().max),
+            );
             if !min.cmplt(max).all() {
-                self.conflict(&b.get_ref().max.span(), "max is not above min on every axis");
+                self.conflict(
+                    &b.get_ref().max.span(),
+                    "max is not above min on every axis",
+                );
             }
-            return Some((ShapePlan::Box, placed(DMat3::from_diagonal((max - min) / 2.0), (min + max) / 2.0)));
+            return Some((
+                ShapePlan::Box,
+                placed(DMat3::from_diagonal((max - min) / 2.0), (min + max) / 2.0),
+            ));
         }
         let source = o.mesh.as_ref()?;
         let id = match source.get_ref() {
             NameOr::Table(mesh) => self.mesh(&mesh.obj)?,
             NameOr::Name(name) => meshes.get(name).copied().or_else(|| {
-                self.unknown("mesh", &At::new(source.span(), name.clone()), &self.names.meshes);
+                self.unknown(
+                    "mesh",
+                    &At::new(source.span(), name.clone()),
+                    &self.names.meshes,
+                );
                 None
             })?,
         };
         // the vertices are in the file's unit
-        Some((ShapePlan::Mesh(id), DAffine3::from_scale(DVec3::splat(self.unit_m))))
+        Some((
+            ShapePlan::Mesh(id),
+            DAffine3::from_scale(DVec3::splat(self.unit_m)),
+        ))
     }
 
     fn quad(&mut self, quad: &At<Quad>) -> Option<DAffine3> {
@@ -162,7 +248,10 @@ impl Checker<'_> {
             self.conflict(&quad.span(), "u and v of the quad are parallel or zero");
             return None;
         };
-        Some(placed(DMat3::from_cols(u, v, normal * u.cross(v).length().sqrt()), center))
+        Some(placed(
+            DMat3::from_cols(u, v, normal * u.cross(v).length().sqrt()),
+            center,
+        ))
     }
 
     fn transform(&mut self, steps: &[At<TransformStep>]) -> DAffine3 {
@@ -187,7 +276,11 @@ impl Checker<'_> {
                 TransformStep::EulerDeg(e) => {
                     finite(&e);
                     let [x, y, z] = e.map(f64::to_radians);
-                    DAffine3::from_mat3(DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x))
+                    DAffine3::from_mat3(
+                        DMat3::from_rotation_z(z)
+                            * DMat3::from_rotation_y(y)
+                            * DMat3::from_rotation_x(x),
+                    )
                 }
                 TransformStep::Scale(s) => {
                     let s = match s {
@@ -220,18 +313,29 @@ impl Checker<'_> {
 
     fn boundary(&mut self, o: &Object, at: &Span, media: &[&str]) -> Boundary {
         if let (Some(priority), None) = (&o.priority, &o.interior) {
-            self.conflict(&priority.span(), "priority is for objects with interior only");
+            self.conflict(
+                &priority.span(),
+                "priority is for objects with interior only",
+            );
         }
         match (&o.interior, &o.interface) {
             (None, None) => Boundary::None,
             (Some(interior), None) => {
                 let priority = o.priority.as_ref().map_or(0, |p| *p.get_ref());
-                Boundary::Solid { medium: self.medium_id(interior, media), priority }
+                Boundary::Solid {
+                    medium: self.medium_id(interior, media),
+                    priority,
+                }
             }
             (None, Some(interface)) => {
-                let mut side = |name: Option<&At<String>>| name.map_or(MediumId::AMBIENT, |n| self.medium_id(n, media));
+                let mut side = |name: Option<&At<String>>| {
+                    name.map_or(MediumId::AMBIENT, |n| self.medium_id(n, media))
+                };
                 let above = side(interface.get_ref().above.as_ref());
-                Boundary::Interface { above, below: side(interface.get_ref().below.as_ref()) }
+                Boundary::Interface {
+                    above,
+                    below: side(interface.get_ref().below.as_ref()),
+                }
             }
             (Some(_), Some(_)) => {
                 self.conflict(at, "an object has either interior or interface, not both");
@@ -241,20 +345,34 @@ impl Checker<'_> {
     }
 
     /// A solid needs a closed shape, and a dielectric a medium on each side. (Meshes are looked at once they are read.)
-    fn closedness(&mut self, o: &Object, shape: Option<ShapePlan>, material: &[(f64, LobePlan)], boundary: Boundary) {
-        let open = matches!(shape, Some(ShapePlan::Disk { .. } | ShapePlan::Quad | ShapePlan::Cylinder));
+    fn closedness(
+        &mut self,
+        o: &Object,
+        shape: Option<ShapePlan>,
+        material: &[(f64, LobePlan)],
+        boundary: Boundary,
+    ) {
+        let open = matches!(
+            shape,
+            Some(ShapePlan::Disk { .. } | ShapePlan::Quad | ShapePlan::Cylinder)
+        );
         if let (Some(interior), true) = (&o.interior, open) {
             self.conflict(
                 &interior.span(),
                 "interior needs a closed shape (allowed: sphere, box, a closed mesh; for others name both sides with interface)",
             );
         }
-        let needs_media = material.iter().any(|(_, lobe)| matches!(lobe, LobePlan::Dielectric { .. }));
+        let needs_media = material
+            .iter()
+            .any(|(_, lobe)| matches!(lobe, LobePlan::Dielectric { .. }));
         if let (Some(name), true, Boundary::None) = (&o.material, needs_media, boundary)
             && o.interior.is_none()
             && o.interface.is_none()
         {
-            let message = format!("material \"{}\" is dielectric: the object needs interior or interface", name.get_ref());
+            let message = format!(
+                "material \"{}\" is dielectric: the object needs interior or interface",
+                name.get_ref()
+            );
             self.conflict(&name.span(), message);
         }
     }
@@ -277,7 +395,10 @@ impl Checker<'_> {
             }
         } else if let Some(s) = l.spot.as_ref().map(At::get_ref) {
             let outer_deg = self.number("outer_deg", &s.outer_deg, HALF_ANGLE);
-            let inner_deg = s.inner_deg.as_ref().map_or(outer_deg, |d| self.number("inner_deg", d, HALF_ANGLE));
+            let inner_deg = s
+                .inner_deg
+                .as_ref()
+                .map_or(outer_deg, |d| self.number("inner_deg", d, HALF_ANGLE));
             if let Some(inner) = &s.inner_deg
                 && inner_deg > outer_deg
             {
@@ -304,7 +425,9 @@ impl Checker<'_> {
             }
         } else {
             let environment = l.environment.as_ref()?.get_ref();
-            LightKind::Environment { radiance: self.spectrum("radiance", &environment.radiance, Use::Emission) }
+            LightKind::Environment {
+                radiance: self.spectrum("radiance", &environment.radiance, Use::Emission),
+            }
         };
         Some(LightPlan { name, kind })
     }
@@ -317,5 +440,8 @@ fn placed(map: DMat3, center: DVec3) -> DAffine3 {
 /// The affine map of three matrix rows, its translation in metres.
 pub(super) fn affine(rows: &[[f64; 4]; 3], unit_m: f64) -> DAffine3 {
     let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
-    DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3) * unit_m)
+    DAffine3::from_mat3_translation(
+        DMat3::from_cols(column(0), column(1), column(2)),
+        column(3) * unit_m,
+    )
 }

@@ -1,13 +1,21 @@
 //! The `[render]` table.
 
 use super::super::error::Problem;
-use super::super::schema::{At, HeuristicName, IntegratorName, NameOr, Render, WavelengthName, WavelengthTable, Wavelengths};
+use super::super::schema::{
+    At, HeuristicName, IntegratorName, NameOr, Render, WavelengthName, WavelengthTable, Wavelengths,
+};
 use super::{Allowed, Checker};
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
 use crate::scene::settings::{Heuristic, IntegratorKind, Settings};
 
-const PROBABILITY: Allowed = Allowed { text: "above 0, at most 1", test: |v| v > 0.0 && v <= 1.0 };
-const WAVELENGTH: Allowed = Allowed { text: "100 to 20000 nm", test: |v| (100.0..=20_000.0).contains(&v) };
+const PROBABILITY: Allowed = Allowed {
+    text: "above 0, at most 1",
+    test: |v| v > 0.0 && v <= 1.0,
+};
+const WAVELENGTH: Allowed = Allowed {
+    text: "100 to 20000 nm",
+    test: |v| (100.0..=20_000.0).contains(&v),
+};
 /// The observer's range.
 const VISIBLE_NM: [f64; 2] = [360.0, 830.0];
 
@@ -23,10 +31,21 @@ impl Checker<'_> {
             spp: render.spp.as_ref().map_or(defaults.spp, |v| {
                 self.integer("spp", v, 1, i64::from(u32::MAX), "1 to 4294967295") as u32
             }),
-            seed: render.seed.as_ref().map_or(defaults.seed, |v| self.integer("seed", v, 0, i64::MAX, "0 to 2^63 - 1") as u64),
-            lanes: render.lanes.as_ref().map_or(defaults.lanes, |v| self.lanes(v)),
+            seed: render.seed.as_ref().map_or(defaults.seed, |v| {
+                self.integer("seed", v, 0, i64::MAX, "0 to 2^63 - 1") as u64
+            }),
+            lanes: render
+                .lanes
+                .as_ref()
+                .map_or(defaults.lanes, |v| self.lanes(v)),
             max_depth: render.max_depth.as_ref().map(|v| {
-                self.integer("max_depth", v, 0, 65_535, "0 to 65535, or leave it out for no limit") as u32
+                self.integer(
+                    "max_depth",
+                    v,
+                    0,
+                    65_535,
+                    "0 to 65535, or leave it out for no limit",
+                ) as u32
             }),
             heuristic: render.heuristic.map_or(defaults.heuristic, |h| match h {
                 HeuristicName::Balance => Heuristic::Balance,
@@ -35,12 +54,22 @@ impl Checker<'_> {
             pair_probability: render
                 .pair_probability
                 .as_ref()
-                .map_or(defaults.pair_probability, |p| self.number("pair_probability", p, PROBABILITY)),
-            show_point_lights: render.show_point_lights.unwrap_or(defaults.show_point_lights),
+                .map_or(defaults.pair_probability, |p| {
+                    self.number("pair_probability", p, PROBABILITY)
+                }),
+            show_point_lights: render
+                .show_point_lights
+                .unwrap_or(defaults.show_point_lights),
             ..defaults
         };
         let wavelengths = render.wavelengths.as_ref().map(|w| self.wavelengths(w));
-        (settings, wavelengths.unwrap_or(WavelengthSettings { choice: WavelengthChoice::Scene, range_nm: VISIBLE_NM }))
+        (
+            settings,
+            wavelengths.unwrap_or(WavelengthSettings {
+                choice: WavelengthChoice::Scene,
+                range_nm: VISIBLE_NM,
+            }),
+        )
     }
 
     fn lanes(&mut self, lanes: &At<i64>) -> usize {
@@ -50,7 +79,14 @@ impl Checker<'_> {
             8 => 8,
             other => {
                 let value = other.to_string();
-                self.error(&lanes.span(), Problem::Range { what: "lanes".to_owned(), value, allowed: "1, 4 or 8" });
+                self.error(
+                    &lanes.span(),
+                    Problem::Range {
+                        what: "lanes".to_owned(),
+                        value,
+                        allowed: "1, 4 or 8",
+                    },
+                );
                 4
             }
         }
@@ -66,31 +102,59 @@ impl Checker<'_> {
                     "uniform" => WavelengthChoice::Uniform,
                     "visible" => WavelengthChoice::Visible,
                     other => {
-                        self.error(&at, Problem::unknown("value", other, ["scene", "uniform", "visible"]));
+                        self.error(
+                            &at,
+                            Problem::unknown("value", other, ["scene", "uniform", "visible"]),
+                        );
                         WavelengthChoice::Scene
                     }
                 };
-                return WavelengthSettings { choice, range_nm: VISIBLE_NM };
+                return WavelengthSettings {
+                    choice,
+                    range_nm: VISIBLE_NM,
+                };
             }
         };
         match table {
-            WavelengthTable { choice: None, range_nm: None, line_nm: Some(line), lines_nm: None } => {
+            WavelengthTable {
+                choice: None,
+                range_nm: None,
+                line_nm: Some(line),
+                lines_nm: None,
+            } => {
                 self.number("line_nm", line, WAVELENGTH);
                 lines(vec![*line.get_ref()])
             }
-            WavelengthTable { choice: None, range_nm: None, line_nm: None, lines_nm: Some(list) } => {
+            WavelengthTable {
+                choice: None,
+                range_nm: None,
+                line_nm: None,
+                lines_nm: Some(list),
+            } => {
                 let mut sorted = list.get_ref().clone();
-                sorted.iter().for_each(|nm| _ = self.number_at("lines_nm", *nm, &list.span(), WAVELENGTH));
+                sorted
+                    .iter()
+                    .for_each(|nm| _ = self.number_at("lines_nm", *nm, &list.span(), WAVELENGTH));
                 sorted.sort_by(f64::total_cmp);
                 sorted.dedup();
                 if sorted.is_empty() {
-                    self.conflict(&list.span(), "lines_nm is empty (allowed: a list of wavelengths in nm)");
+                    self.conflict(
+                        &list.span(),
+                        "lines_nm is empty (allowed: a list of wavelengths in nm)",
+                    );
                 }
                 lines(sorted)
             }
-            WavelengthTable { choice, range_nm, line_nm: None, lines_nm: None } if choice.is_some() || range_nm.is_some() => {
+            WavelengthTable {
+                choice,
+                range_nm,
+                line_nm: None,
+                lines_nm: None,
+            } if choice.is_some() || range_nm.is_some() => {
                 let range = range_nm.as_ref().map_or(VISIBLE_NM, |r| {
-                    r.get_ref().iter().for_each(|nm| _ = self.number_at("range_nm", *nm, &r.span(), WAVELENGTH));
+                    r.get_ref()
+                        .iter()
+                        .for_each(|nm| _ = self.number_at("range_nm", *nm, &r.span(), WAVELENGTH));
                     if r.get_ref()[0] >= r.get_ref()[1] {
                         self.conflict(&r.span(), "range_nm is empty (allowed: [a, b] with a < b)");
                     }
@@ -101,10 +165,16 @@ impl Checker<'_> {
                     Some(WavelengthName::Uniform) => WavelengthChoice::Uniform,
                     Some(WavelengthName::Visible) => WavelengthChoice::Visible,
                 };
-                WavelengthSettings { choice, range_nm: range }
+                WavelengthSettings {
+                    choice,
+                    range_nm: range,
+                }
             }
             _ => {
-                self.conflict(&at, "wavelengths needs one of range_nm (with choice), line_nm, lines_nm");
+                self.conflict(
+                    &at,
+                    "wavelengths needs one of range_nm (with choice), line_nm, lines_nm",
+                );
                 lines(Vec::new())
             }
         }
@@ -112,6 +182,12 @@ impl Checker<'_> {
 }
 
 fn lines(nm: Vec<f64>) -> WavelengthSettings {
-    let range_nm = [nm.first().copied().unwrap_or(VISIBLE_NM[0]), nm.last().copied().unwrap_or(VISIBLE_NM[1])];
-    WavelengthSettings { choice: WavelengthChoice::Lines(nm), range_nm }
+    let range_nm = [
+        nm.first().copied().unwrap_or(VISIBLE_NM[0]),
+        nm.last().copied().unwrap_or(VISIBLE_NM[1]),
+    ];
+    WavelengthSettings {
+        choice: WavelengthChoice::Lines(nm),
+        range_nm,
+    }
 }

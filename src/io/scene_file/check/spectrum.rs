@@ -18,13 +18,21 @@ pub enum Use {
 
 impl Checker<'_> {
     /// A spectrum where one is used.
-    pub(super) fn spectrum(&mut self, what: &str, spectrum: &At<Spectrum>, used_as: Use) -> SpectrumPlan {
+    pub(super) fn spectrum(
+        &mut self,
+        what: &str,
+        spectrum: &At<Spectrum>,
+        used_as: Use,
+    ) -> SpectrumPlan {
         let mut plan = match spectrum.get_ref() {
             Spectrum::Name(name) if self.names.spectra.contains(name) => {
                 // a definition that could not be read has been reported already
-                self.spectra.get(name).cloned().unwrap_or_else(|| SpectrumPlan::constant(0.0))
+                self.spectra
+                    .get(name)
+                    .cloned()
+                    .unwrap_or_else(|| SpectrumPlan::constant(0.0))
             }
-            _ => self.spectrum_definition(spectrum),
+            _ => self.spectrum_definition(what, spectrum),
         };
         plan.at = spectrum.span();
         self.check_use(what, &plan, used_as);
@@ -33,25 +41,55 @@ impl Checker<'_> {
 
     /// A factor in 0..1, 1 where none is given.
     pub(super) fn fraction(&mut self, what: &str, spectrum: Option<&At<Spectrum>>) -> SpectrumPlan {
-        spectrum.map_or_else(|| SpectrumPlan::constant(1.0), |s| self.spectrum(what, s, Use::Fraction))
+        spectrum.map_or_else(
+            || SpectrumPlan::constant(1.0),
+            |s| self.spectrum(what, s, Use::Fraction),
+        )
     }
 
     /// A spectrum where it is defined: legal for at least one use.
-    pub(super) fn spectrum_definition(&mut self, spectrum: &At<Spectrum>) -> SpectrumPlan {
+    pub(super) fn spectrum_definition(
+        &mut self,
+        what: &str,
+        spectrum: &At<Spectrum>,
+    ) -> SpectrumPlan {
         let at = spectrum.span();
-        let plain = |source| SpectrumPlan { source, scale: 1.0, luminance: None, at: at.clone() };
+        let plain = |source| SpectrumPlan {
+            source,
+            scale: 1.0,
+            luminance: None,
+            at: at.clone(),
+        };
         match spectrum.get_ref() {
-            Spectrum::Number(v) => plain(SpectrumSource::Constant(self.number_at("spectrum", *v, &at, NON_NEGATIVE))),
-            Spectrum::Rgb(rgb) => plain(self.rgb(*rgb, &at)),
+            Spectrum::Number(v) => plain(SpectrumSource::Constant(self.number_at(
+                what,
+                *v,
+                &at,
+                NON_NEGATIVE,
+            ))),
+            Spectrum::Rgb(rgb) => plain(self.rgb(what, *rgb, &at)),
             Spectrum::Name(name) => plain(SpectrumSource::Library(name.clone())),
             Spectrum::Table(table) => {
-                let source = self.spectrum_source(table, &at).unwrap_or(SpectrumSource::Constant(0.0));
-                let scale = table.scale.as_ref().map_or(1.0, |s| self.number("scale", s, NON_NEGATIVE));
-                let luminance = table.luminance.as_ref().map(|l| self.number("luminance", l, NON_NEGATIVE));
+                let source = self
+                    .spectrum_source(table, &at)
+                    .unwrap_or(SpectrumSource::Constant(0.0));
+                let scale = table
+                    .scale
+                    .as_ref()
+                    .map_or(1.0, |s| self.number("scale", s, NON_NEGATIVE));
+                let luminance = table
+                    .luminance
+                    .as_ref()
+                    .map(|l| self.number("luminance", l, NON_NEGATIVE));
                 if let (Some(scale), Some(_)) = (&table.scale, luminance) {
                     self.conflict(&scale.span(), "scale and luminance exclude each other");
                 }
-                SpectrumPlan { source, scale, luminance, at }
+                SpectrumPlan {
+                    source,
+                    scale,
+                    luminance,
+                    at,
+                }
             }
         }
     }
@@ -67,10 +105,14 @@ impl Checker<'_> {
         ];
         self.exactly_one(at, "spectrum", &choices)?;
         if let Some(value) = &table.value {
-            return Some(SpectrumSource::Constant(self.number("value", value, NON_NEGATIVE)));
+            return Some(SpectrumSource::Constant(self.number(
+                "value",
+                value,
+                NON_NEGATIVE,
+            )));
         }
         if let Some(rgb) = &table.rgb {
-            return Some(self.rgb(*rgb.get_ref(), &rgb.span()));
+            return Some(self.rgb("rgb", *rgb.get_ref(), &rgb.span()));
         }
         if let Some(name) = &table.name {
             return Some(SpectrumSource::Library(name.get_ref().clone()));
@@ -78,14 +120,30 @@ impl Checker<'_> {
         if let Some(file) = &table.file {
             let rows = self.csv::<2>(file);
             if let Some(row) = rows.iter().find(|r| r[0] <= 0.0 || r[1] < 0.0) {
-                let message = format!("row {}, {} (allowed: wavelengths > 0 in nm, values >= 0)", row[0], row[1]);
-                self.error(&file.span(), Problem::BadFile { path: file.get_ref().clone(), message });
+                let message = format!(
+                    "row {}, {} (allowed: wavelengths > 0 in nm, values >= 0)",
+                    row[0], row[1]
+                );
+                self.error(
+                    &file.span(),
+                    Problem::BadFile {
+                        path: file.get_ref().clone(),
+                        message,
+                    },
+                );
             }
             return Some(SpectrumSource::Table(rows));
         }
         if let Some(temp_k) = &table.blackbody_k {
-            let allowed = super::Allowed { text: "100 to 1e6 kelvin", test: |v| (100.0..=1e6).contains(&v) };
-            return Some(SpectrumSource::Blackbody(self.number("blackbody_k", temp_k, allowed)));
+            let allowed = super::Allowed {
+                text: "100 to 1e6 kelvin",
+                test: |v| (100.0..=1e6).contains(&v),
+            };
+            return Some(SpectrumSource::Blackbody(self.number(
+                "blackbody_k",
+                temp_k,
+                allowed,
+            )));
         }
         let lines = table.lines.as_ref()?;
         Some(SpectrumSource::Lines(self.lines(lines)))
@@ -108,9 +166,9 @@ impl Checker<'_> {
         sorted
     }
 
-    fn rgb(&mut self, rgb: [f64; 3], at: &Span) -> SpectrumSource {
+    fn rgb(&mut self, what: &str, rgb: [f64; 3], at: &Span) -> SpectrumSource {
         for value in rgb {
-            self.number_at("[r, g, b]", value, at, NON_NEGATIVE);
+            self.number_at(what, value, at, NON_NEGATIVE);
         }
         SpectrumSource::Rgb(rgb)
     }
@@ -119,15 +177,27 @@ impl Checker<'_> {
         if used_as == Use::Emission {
             return;
         }
-        if matches!(plan.source, SpectrumSource::Lines(_) | SpectrumSource::Blackbody(_)) {
-            self.conflict(&plan.at, format!("{what} cannot be a spectrum of lines or a blackbody (these are emission)"));
+        if matches!(
+            plan.source,
+            SpectrumSource::Lines(_) | SpectrumSource::Blackbody(_)
+        ) {
+            self.conflict(
+                &plan.at,
+                format!("{what} cannot be a spectrum of lines or a blackbody (these are emission)"),
+            );
         }
         if plan.luminance.is_some() {
-            self.conflict(&plan.at, format!("{what} has no luminance (luminance scales emission)"));
+            self.conflict(
+                &plan.at,
+                format!("{what} has no luminance (luminance scales emission)"),
+            );
         }
         if used_as == Use::Coefficient {
             if matches!(plan.source, SpectrumSource::Rgb(_)) {
-                self.conflict(&plan.at, format!("{what} cannot be [r, g, b] (use color and distance)"));
+                self.conflict(
+                    &plan.at,
+                    format!("{what} cannot be [r, g, b] (use color and distance)"),
+                );
             }
             return;
         }
@@ -141,7 +211,14 @@ impl Checker<'_> {
         // what is not finite has been reported where it is defined
         if (FINITE.test)(largest) && largest > 1.0 {
             let value = largest.to_string();
-            self.error(&plan.at, Problem::Range { what: what.to_owned(), value, allowed: "0 to 1" });
+            self.error(
+                &plan.at,
+                Problem::Range {
+                    what: what.to_owned(),
+                    value,
+                    allowed: "0 to 1",
+                },
+            );
         }
     }
 }

@@ -8,11 +8,14 @@ mod render;
 mod sensor;
 mod spectrum;
 
-pub use object::{
-    InterfaceMedia, Light, Mesh, Object, Quad, Scale, TransformStep,
+pub use object::{Light, Mesh, Object, Quad, Scale, TransformStep};
+pub use optics::{
+    Absorption, Conductor, Dielectric, Diffuse, Material, Medium, Mirror, Roughness, Thin,
 };
-pub use optics::{Absorption, Conductor, Dielectric, Diffuse, Lobe, Material, Medium, Mirror, Roughness, Thin};
-pub use render::{FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, Render, WavelengthName, WavelengthTable, Wavelengths};
+pub use render::{
+    FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, Render, WavelengthName,
+    WavelengthTable, Wavelengths,
+};
 pub use sensor::{Detector, Orthographic, Perspective, Sensor};
 pub use spectrum::{Spectrum, SpectrumTable};
 

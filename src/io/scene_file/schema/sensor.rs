@@ -1,7 +1,7 @@
 //! `[[sensor]]`.
 
-use super::render::FilterName;
 use super::At;
+use super::render::FilterName;
 use serde::Deserialize;
 
 #[derive(Debug, Deserialize)]

@@ -1,0 +1,181 @@
+//! The film as a whole: bits, reach, means and errors.
+
+use super::*;
+use crate::math::hash::{random_bits, unit_f64};
+
+const CROP: Crop = Crop {
+    x0: 2,
+    y0: 1,
+    x1: 6,
+    y1: 4,
+};
+
+fn random(i: u64) -> f64 {
+    unit_f64(random_bits(5, i))
+}
+
+#[test]
+fn any_order_and_any_threads_give_the_same_bits() {
+    let add = |film: &Film, i: u64| {
+        let raster = DVec2::new(8.0 * random(3 * i), 5.0 * random(3 * i + 1));
+        // ten orders of magnitude: f64 sums would differ
+        let value = 10.0_f64.powf(10.0 * random(3 * i + 2) - 5.0);
+        film.add_splat(raster, (i % 2) as usize, &[value, 0.1 * value]);
+    };
+    let new = || {
+        Film::new(
+            CROP,
+            Filter::Gaussian {
+                sigma: 0.5,
+                radius: 1.5,
+            },
+            2,
+        )
+    };
+    let count = 4000;
+    let (forward, backward, threaded) = (new(), new(), new());
+    (0..count).for_each(|i| add(&forward, i));
+    (0..count).rev().for_each(|i| add(&backward, i));
+    std::thread::scope(|scope| {
+        for part in 0..4 {
+            let (film, add) = (&threaded, &add);
+            scope.spawn(move || (part..count).step_by(4).for_each(|i| add(film, i)));
+        }
+    });
+    assert_eq!(forward.sums(), backward.sums());
+    assert_eq!(forward.sums(), threaded.sums());
+    assert!(forward.sums().iter().all(|&s| s > 0));
+    // two parts of disjoint contributions add up to the whole
+    let (mut left, right) = (new(), new());
+    (0..1500).for_each(|i| add(&left, i));
+    (1500..count).for_each(|i| add(&right, i));
+    left.add_sums(&right.sums()).unwrap();
+    assert_eq!(left.sums(), forward.sums());
+    assert_eq!(forward.rejected(), Rejected::default());
+}
+
+#[test]
+fn box_splats_land_in_one_pixel() {
+    let film = Film::new(CROP, Filter::Box, 1);
+    for (raster, index) in [
+        (DVec2::new(2.0, 1.0), Some(0)),
+        (DVec2::new(5.999, 3.999), Some(11)),
+        (DVec2::new(3.0, 2.0), Some(5)),
+        (DVec2::new(6.0, 2.0), None),
+        (DVec2::new(1.999, 2.0), None),
+        (DVec2::new(-1e300, 1e300), None),
+    ] {
+        let before = film.sums();
+        film.add_splat(raster, 0, &[1.0]);
+        let changed: Vec<usize> = (0..before.len())
+            .filter(|&i| film.sums()[i] != before[i])
+            .collect();
+        assert_eq!(changed, index.into_iter().collect::<Vec<_>>(), "{raster}");
+    }
+}
+
+#[test]
+fn a_uniform_field_of_splats_is_flat_to_the_corners() {
+    let crop = Crop {
+        x0: 0,
+        y0: 0,
+        x1: 4,
+        y1: 3,
+    };
+    for filter in [
+        Filter::Box,
+        Filter::Tent { radius: 1.5 },
+        Filter::Gaussian {
+            sigma: 0.5,
+            radius: 2.0,
+        },
+    ] {
+        let film = Film::new(crop, filter, 1);
+        // a regular grid over the film widened by the margin, one unit per pixel area
+        let (per_pixel, margin) = (40, filter.margin().ceil() as i32);
+        let step = 1.0 / f64::from(per_pixel);
+        for y in -margin * per_pixel..(3 + margin) * per_pixel {
+            for x in -margin * per_pixel..(4 + margin) * per_pixel {
+                let raster = (DVec2::new(f64::from(x), f64::from(y)) + 0.5) * step;
+                film.add_splat(raster, 0, &[step * step]);
+            }
+        }
+        for value in film.image(1) {
+            // midpoint rule with 40 points per pixel
+            assert!((value - 1.0).abs() < 1e-3, "{filter:?}: {value}");
+        }
+    }
+}
+
+#[test]
+fn images_are_means_over_passes() {
+    let film = Film::new(CROP, Filter::Box, 2);
+    film.add_pixel(3, 2, 0, &[3.0, 30.0]);
+    film.add_pixel(3, 2, 1, &[1.0, 10.0]);
+    film.add_pixel(0, 0, 0, &[7.0, 7.0]);
+    let at = 2 * (4 + 1);
+    let image = film.image(4);
+    assert_eq!((image[at], image[at + 1]), (1.0, 10.0));
+    assert_eq!(image.iter().sum::<f64>(), 11.0);
+    let [even, odd] = film.half_images(3, 1);
+    assert_eq!((even[at], odd[at]), (1.0, 1.0));
+    assert!(film.image(0).iter().all(|&v| v == 0.0));
+}
+
+#[test]
+fn standard_error_predicts_the_spread() {
+    // 5 even and 4 odd passes of uniform noise on a constant image
+    let crop = Crop {
+        x0: 0,
+        y0: 0,
+        x1: 60,
+        y1: 60,
+    };
+    let film = Film::new(crop, Filter::Box, 1);
+    let mut i = 0;
+    for pass in 0..9 {
+        for y in 0..60 {
+            for x in 0..60 {
+                film.add_pixel(x, y, pass % 2, &[random(1_000_000 + i)]);
+                i += 1;
+            }
+        }
+    }
+    let errors = film.standard_error(0, 5, 4).unwrap();
+    let mean = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
+    let expected = 1.0 / 12.0 / 9.0;
+    // 3600 squares of normal numbers: relative error sqrt(2/3600) = 2.4 %
+    assert!((mean / expected - 1.0).abs() < 0.1, "{}", mean / expected);
+    assert!(film.standard_error(0, 1, 0).is_none());
+    assert!(film.standard_error(1, 5, 4).is_none());
+}
+
+#[test]
+fn bad_values_are_counted_and_left_out() {
+    let film = Film::new(CROP, Filter::Box, 2);
+    film.add_pixel(2, 1, 0, &[1.0, f64::NAN]);
+    film.add_splat(DVec2::new(2.5, 1.5), 0, &[f64::INFINITY, 1.0]);
+    film.add_splat(DVec2::new(f64::NAN, 1.5), 0, &[1.0, 1.0]);
+    film.add_pixel(2, 1, 1, &[1e300, 1.0]);
+    assert_eq!(
+        film.rejected(),
+        Rejected {
+            not_finite: 3,
+            saturated: 1
+        }
+    );
+    assert!(film.sums().iter().all(|&s| s == 0));
+}
+
+#[test]
+fn sums_of_other_films_are_refused() {
+    let mut film = Film::new(CROP, Filter::Box, 1);
+    let expected = film.sums().len();
+    let error = film.add_sums(&[1, 2]).unwrap_err();
+    assert_eq!(error, AddSumsError::Length { expected, found: 2 });
+    film.add_pixel(3, 1, 0, &[1.0]);
+    let before = film.sums();
+    let error = film.add_sums(&vec![i128::MAX; expected]).unwrap_err();
+    assert_eq!(error, AddSumsError::Overflow { index: 1 });
+    assert_eq!(film.sums(), before);
+}
