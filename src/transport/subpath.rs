@@ -77,13 +77,11 @@ pub struct SensorHit {
     pub throughput: Throughput,
 }
 
-/// A camera sub-path's escape from the scene.
+/// A sub-path's escape from the scene. Its density (per solid angle) is the last one of the sub-path.
 #[derive(Clone, Copy, Debug)]
 pub struct Escape {
     /// Unit direction of travel.
     pub direction: DVec3,
-    /// Density of the direction per solid angle.
-    pub own: EdgeDensity,
     /// Medium of the last segment.
     pub medium: MediumId,
     /// Weight.

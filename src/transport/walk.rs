@@ -86,12 +86,12 @@ pub fn walk(
     loop {
         counters.closest_rays += 1;
         let Some(hit) = scene.accel.closest(&ray, |_| true) else {
-            path.escape = Some(Escape {
-                direction: ray.d,
-                own: travel.solid_angle(),
-                medium: stack.medium(),
-                throughput,
-            });
+            let own = travel.solid_angle();
+            let mut density = VertexDensity::new(own.hero);
+            density.own_column = path.store_column(&own);
+            path.densities.push(density);
+            path.escape =
+                Some(Escape { direction: ray.d, medium: stack.medium(), throughput });
             return;
         };
         let object = &scene.objects[hit.id.instance.0 as usize];
