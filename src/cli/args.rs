@@ -119,10 +119,10 @@ pub struct RenderOptions {
     #[arg(long, value_name = "A..B", value_parser = passes)]
     pub passes: Option<Range<u32>>,
     /// Stops after the pass in which this much time is used up, per sensor; without --spp or --passes there is no other limit
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     pub time: Option<f64>,
     /// Stops when the estimated relative error of the image is below R
-    #[arg(long, value_name = "R", value_parser = positive)]
+    #[arg(long, value_name = "R", value_parser = positive, allow_negative_numbers = true)]
     pub target_error: Option<f64>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]

@@ -18,8 +18,9 @@ use crate::render::guides::Guide;
 use crate::render::stop::{StopReason, StopRules};
 use crate::render::{OutputRequest, Render};
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// The image is rewritten at least this often.
@@ -54,6 +55,8 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
     let crops = sensors.iter().map(|&s| crop(options, &loaded, s)).collect::<Result<Vec<_>, _>>()?;
     let request = output_request(options, &loaded);
     check_memory(options, &loaded, &request, &crops)?;
+    // from here on: the first output says that an interrupt is safe
+    let interrupt = Interrupt::listen()?;
     if !options.quiet {
         for warning in &loaded.warnings {
             eprintln!("warning: {warning}");
@@ -68,7 +71,7 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         request,
         passes: options.passes.clone().unwrap_or(0..if endless { NO_LIMIT } else { loaded.settings.spp }),
         rules: StopRules { time: options.time.map(duration), target_error: options.target_error },
-        interrupt: Interrupt::listen()?,
+        interrupt,
         loaded: &loaded,
     };
     let threads = pool.current_num_threads();
@@ -102,11 +105,19 @@ fn chosen_sensors(options: &RenderOptions, loaded: &Loaded) -> Result<Vec<usize>
 }
 
 fn targets(options: &RenderOptions, loaded: &Loaded, sensor: usize, several: bool) -> Targets {
-    let default = || PathBuf::from(options.scene.file_stem().unwrap_or_default()).with_added_extension("exr");
-    let mut image = options.output.clone().unwrap_or_else(default);
+    let named = |stem: &Path, suffixes: &[&OsStr]| {
+        let mut name = stem.file_stem().unwrap_or_default().to_owned();
+        for suffix in suffixes {
+            name.push(".");
+            name.push(suffix);
+        }
+        PathBuf::from(name)
+    };
+    let mut image = options.output.clone().unwrap_or_else(|| named(&options.scene, &["exr".as_ref()]));
     if several {
-        let extension = image.extension().unwrap_or_default().to_owned();
-        image = image.with_extension("").with_added_extension(&loaded.scene.sensors[sensor].name).with_added_extension(extension);
+        let sensor = loaded.scene.sensors[sensor].name.as_ref();
+        let extension = image.extension().unwrap_or("exr".as_ref()).to_owned();
+        image = image.with_file_name(named(&image, &[sensor, &extension]));
     }
     Targets {
         preview: (!options.no_preview).then(|| preview_path(&image)),

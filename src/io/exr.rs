@@ -5,6 +5,7 @@
 //! (1/3,1/3) say that the numbers are XYZ.
 
 use super::atomic::{FileError, write_atomic};
+use super::exr_header::sort_attributes;
 use crate::film::Crop;
 use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds};
 use exr::prelude::{
@@ -207,6 +208,7 @@ pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     file.write()
         .to_buffered(&mut bytes)
         .map_err(|e| format_error(path, &e))?;
+    sort_attributes(bytes.get_mut());
     write_atomic(path, |w| std::io::Write::write_all(w, bytes.get_ref()))?;
     Ok(())
 }

@@ -3,6 +3,7 @@
 
 pub mod atomic;
 pub mod exr;
+mod exr_header;
 pub mod obj;
 pub mod part;
 pub mod png;

@@ -5,7 +5,7 @@
 //! `scenes/README.md` is the reference of every key.
 
 mod check;
-pub(in crate::io) mod document;
+pub mod document;
 mod error;
 mod files;
 mod plan;
