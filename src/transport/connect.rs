@@ -7,7 +7,7 @@ use super::context::{Counters, PathContext};
 use super::contribution::{Contribution, Target};
 use super::density::{Edge, EdgeDensity, PathView, VertexDensity};
 use super::mis::{denominator, multiplier};
-use super::subpath::{SensorHit, Subpath, Vertex};
+use super::subpath::{SensorHit, Subpath};
 use super::techniques::Techniques;
 use super::throughput::Throughput;
 use crate::bsdf::{BsdfEval, LaneDensity};
