@@ -6,6 +6,7 @@ use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render};
 use abbe::scene::settings::IntegratorKind;
 use abbe::scene::{Scene, Settings};
+use rayon::prelude::*;
 use regex::Regex;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -47,7 +48,7 @@ pub fn test_scale() -> u32 {
 }
 
 pub fn scene(text: &str) -> (Scene, Settings) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/render");
     let loaded = parse_str(text, &folder).unwrap_or_else(|e| panic!("{e}"));
     (Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}")), loaded.settings)
 }
@@ -68,35 +69,21 @@ pub struct Measured {
     pub strategies: BTreeMap<(String, u32, u32), (Estimate, Estimate)>,
 }
 
-/// Renders `batches` independent images of `passes` passes each.
+/// One batch: mean Y, per class, and per strategy (raw, weighted).
+type Batch = (f64, Vec<f64>, BTreeMap<(String, u32, u32), (f64, f64)>);
+
+/// Renders `batches` independent images of `passes` passes each, in parallel.
 pub fn measure(scene: &Scene, settings: &Settings, batches: u32, passes: u32, classes: &[&str]) -> Measured {
     let classes: Vec<Regex> = classes.iter().map(|c| Regex::new(&format!("^{c}$")).unwrap()).collect();
-    let batches = batches as usize;
-    let mut y = Vec::new();
-    let mut per_class: Vec<Vec<f64>> = vec![Vec::new(); classes.len()];
+    let all: Vec<Batch> =
+        (0..batches).into_par_iter().map(|batch| one_batch(scene, settings, batch, passes, &classes)).collect();
+    let y: Vec<f64> = all.iter().map(|b| b.0).collect();
+    let per_class: Vec<Vec<f64>> =
+        (0..classes.len()).map(|i| all.iter().map(|b| b.1[i]).collect()).collect();
     let mut per_strategy: BTreeMap<(String, u32, u32), Vec<(f64, f64)>> = BTreeMap::new();
-    for batch in 0..batches {
-        let settings = Settings { seed: combine(settings.seed, batch as u64 + 1), ..settings.clone() };
-        let request = OutputRequest { classes: classes.clone(), class_table: true, ..OutputRequest::default() };
-        let crop = full_crop(scene);
-        let mut render = Render::new(scene, 0, &settings, crop, &request);
-        for pass in 0..passes {
-            render.add_pass(pass);
-        }
-        assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
-        assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
-        let pixels = crop.pixels() as f64;
-        let mean_y = |film: &abbe::film::Film| {
-            film.image(u64::from(passes)).iter().skip(1).step_by(3).sum::<f64>() / pixels
-        };
-        y.push(mean_y(&render.outputs().image));
-        for (values, (_, film)) in per_class.iter_mut().zip(&render.outputs().classes) {
-            values.push(mean_y(film));
-        }
-        let norm = pixels * f64::from(passes);
-        for (&(class, s, t), row) in render.table().rows() {
-            let values = per_strategy.entry((class.to_string(), s, t)).or_insert_with(|| vec![(0.0, 0.0); batches]);
-            values[batch] = (row.raw / norm, row.weighted / norm);
+    for (i, batch) in all.iter().enumerate() {
+        for (key, value) in &batch.2 {
+            per_strategy.entry(key.clone()).or_insert_with(|| vec![(0.0, 0.0); all.len()])[i] = *value;
         }
     }
     let split = |values: Vec<(f64, f64)>| {
@@ -109,6 +96,32 @@ pub fn measure(scene: &Scene, settings: &Settings, batches: u32, passes: u32, cl
         classes: per_class.iter().map(|v| Estimate::from_batches(v)).collect(),
         strategies: per_strategy.into_iter().map(|(k, v)| (k, split(v))).collect(),
     }
+}
+
+fn one_batch(scene: &Scene, settings: &Settings, batch: u32, passes: u32, classes: &[Regex]) -> Batch {
+    let settings = Settings { seed: combine(settings.seed, u64::from(batch) + 1), ..settings.clone() };
+    let request = OutputRequest { classes: classes.to_vec(), class_table: true, ..OutputRequest::default() };
+    let crop = full_crop(scene);
+    let mut render = Render::new(scene, 0, &settings, crop, &request);
+    for pass in 0..passes {
+        render.add_pass(pass);
+    }
+    assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
+    assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
+    let pixels = crop.pixels() as f64;
+    let mean_y = |film: &abbe::film::Film| {
+        film.image(u64::from(passes)).iter().skip(1).step_by(3).sum::<f64>() / pixels
+    };
+    let norm = pixels * f64::from(passes);
+    (
+        mean_y(&render.outputs().image),
+        render.outputs().classes.iter().map(|(_, film)| mean_y(film)).collect(),
+        render
+            .table()
+            .rows()
+            .map(|(&(class, s, t), row)| ((class.to_string(), s, t), (row.raw / norm, row.weighted / norm)))
+            .collect(),
+    )
 }
 
 pub fn with(settings: &Settings, integrator: IntegratorKind) -> Settings {
