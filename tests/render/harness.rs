@@ -1,6 +1,6 @@
 //! Renders small scenes in independent batches, so that every number comes with its standard error.
 
-use abbe::film::Crop;
+use abbe::film::{Crop, SensorResponse, SpectralChannels};
 use abbe::io::scene_file::parse_str;
 use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render};
@@ -26,6 +26,11 @@ impl Estimate {
         Self { mean, error: (variance / n).sqrt() }
     }
 
+    /// The same in another unit.
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self { mean: self.mean * factor, error: self.error * factor }
+    }
+
     /// How many standard errors lie between two estimates.
     pub fn deviation(&self, other: &Self) -> f64 {
         (self.mean - other.mean).abs() / self.error.hypot(other.error)
@@ -33,6 +38,7 @@ impl Estimate {
 
     /// Fails if the estimate is more than 4.5 standard errors from an exact value (p = 7e-6), or too coarse to tell.
     pub fn assert_is(&self, what: &str, expected: f64, resolution: f64) {
+        println!("{what}: {:.6} for {expected:.6}, standard error {:.1e} of it", self.mean, self.error / expected.abs());
         assert!(
             self.error <= resolution * expected.abs(),
             "{what}: {self:?} does not resolve {resolution} of {expected}"
@@ -127,3 +133,56 @@ fn one_batch(scene: &Scene, settings: &Settings, batch: u32, passes: u32, classe
 pub fn with(settings: &Settings, integrator: IntegratorKind) -> Settings {
     Settings { integrator, ..settings.clone() }
 }
+
+/// Independent images of one sensor, `[batch][line][pixel]`: the power of each of the scene's emission lines, ascending.
+pub fn line_images(
+    scene: &Scene,
+    sensor: usize,
+    settings: &Settings,
+    batches: u32,
+    passes: u32,
+) -> Vec<Vec<Vec<f64>>> {
+    let lines: Vec<f64> = scene.wavelengths.atoms().map(|atom| atom.0).collect();
+    let count = lines.len();
+    let resolution = scene.sensors[sensor].camera.resolution();
+    let crop = Crop { x0: 0, y0: 0, x1: resolution.width, y1: resolution.height };
+    let response = SensorResponse::Spectral(SpectralChannels::new([360.0, 830.0], 0, lines));
+    let request = OutputRequest { spectral: Some(response), ..OutputRequest::default() };
+    (0..batches)
+        .map(|batch| {
+            let seed = combine(settings.seed, u64::from(batch) + 1);
+            let settings = Settings { seed, ..settings.clone() };
+            let mut render = Render::new(scene, sensor, &settings, crop, &request);
+            for pass in 0..passes {
+                render.add_pass(pass);
+            }
+            assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
+            assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
+            let (_, film) = render.outputs().spectral.as_ref().unwrap();
+            let image = film.image(u64::from(passes));
+            (0..count).map(|line| image.iter().skip(line).step_by(count).copied().collect()).collect()
+        })
+        .collect()
+}
+
+/// Mean over the film of the only line of [`line_images`].
+pub fn line_mean(scene: &Scene, sensor: usize, settings: &Settings, batches: u32, passes: u32) -> Estimate {
+    let images = line_images(scene, sensor, settings, batches, passes);
+    let means: Vec<f64> = images.iter().map(|image| mean(&image[0])).collect();
+    Estimate::from_batches(&means)
+}
+
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Fails unless `value` is `expected` to a relative `tolerance`: for what is free of noise.
+pub fn assert_close(what: &str, value: f64, expected: f64, tolerance: f64) {
+    assert!(
+        (value - expected).abs() <= tolerance * expected.abs(),
+        "{what}: {value}, expected {expected} within {tolerance:e} of it"
+    );
+}
+
+/// Y of a unit of power at 555 nm: 1/∫ȳ, with ȳ(555 nm) = 1.
+pub const Y_OF_555_NM: f64 = 1.0 / 106.856_895;
