@@ -1,7 +1,8 @@
 //! Where light goes: prisms, lenses, and benches far from the origin.
 
-use crate::harness::{line_images, mean, scene};
+use crate::harness::{line_images, mean, scene_in};
 use std::f64::consts::PI;
+use std::path::Path;
 
 /// Where the light of one line fell: flux, centroid and rms radius about it, in the detector's length unit (x along u, y along v).
 #[derive(Debug)]
@@ -14,22 +15,37 @@ struct Spot {
 
 /// Reads the spot of the scene's only line on its first sensor, a square of `n` x `n` pixels with edge `edge`.
 fn spot(text: &str, n: usize, edge: f64, passes: u32) -> Spot {
-    let (scene, settings) = scene(text);
-    let image = line_images(&scene, 0, &settings, 1, passes).remove(0).remove(0);
+    let (scene, settings) = scene_in(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes"), text);
+    let image = line_images(&scene, 0, &settings, 1, passes)
+        .remove(0)
+        .remove(0);
     let pitch = edge / n as f64;
     let at = |i: usize| {
         let (column, row) = (i % n, i / n);
-        ((column as f64 + 0.5) * pitch - 0.5 * edge, 0.5 * edge - (row as f64 + 0.5) * pitch)
+        (
+            (column as f64 + 0.5) * pitch - 0.5 * edge,
+            0.5 * edge - (row as f64 + 0.5) * pitch,
+        )
     };
     let total: f64 = image.iter().sum();
     let average = |f: &dyn Fn(f64, f64) -> f64| {
-        image.iter().enumerate().map(|(i, v)| v * f(at(i).0, at(i).1)).sum::<f64>() / total
+        image
+            .iter()
+            .enumerate()
+            .map(|(i, v)| v * f(at(i).0, at(i).1))
+            .sum::<f64>()
+            / total
     };
     let (x, y) = (average(&|x, _| x), average(&|_, y| y));
     let square = average(&|px, py| (px - x).powi(2) + (py - y).powi(2));
     // a pixel spreads what falls on it over pitch²/12 in each direction (Sheppard's correction)
     let rms = (square - pitch * pitch / 6.0).max(0.0).sqrt();
-    Spot { flux: mean(&image) * edge * edge, x, y, rms }
+    Spot {
+        flux: mean(&image) * edge * edge,
+        x,
+        y,
+        rms,
+    }
 }
 
 /// Minimum deviation of 60° prisms, D = 2 asin(n sin 30°) - 60°: a thin beam lands within 0.01 mm on 1 m.
@@ -58,21 +74,36 @@ fn prism_deviation() {
             let text = PRISM
                 .replace("GLASS", glass)
                 .replace("LINE", &line.to_string())
-                .replace("POSITION", &format!("[{}, {}, 0]", -7.5 - 20.0 * cos, -20.0 * sin))
+                .replace(
+                    "POSITION",
+                    &format!("[{}, {}, 0]", -7.5 - 20.0 * cos, -20.0 * sin),
+                )
                 .replace("DIRECTION", &format!("[{cos}, {sin}, 0]"))
-                .replace("CENTER", &format!("[{}, {}, 0]", 7.5 + 1000.0 * cos, -1000.0 * sin))
+                .replace(
+                    "CENTER",
+                    &format!("[{}, {}, 0]", 7.5 + 1000.0 * cos, -1000.0 * sin),
+                )
                 .replace("NORMAL", &format!("[-{cos}, {sin}, 0]"));
             let spot = spot(&text, 32, 0.1, 4);
             let distance = spot.x.hypot(spot.y);
-            assert!(distance < 0.01, "{glass} at {line} nm: off by {distance} mm: {spot:?}");
+            assert!(
+                distance < 0.01,
+                "{glass} at {line} nm: off by {distance} mm: {spot:?}"
+            );
             // nothing fell beside the detector: two refractions at minimum deviation
             let incidence = PI / 6.0 + 0.5 * deviation;
             let (a, b) = (incidence, PI / 6.0);
-            let t = 1.0 - 0.5 * (((a - b).sin() / (a + b).sin()).powi(2) + ((a - b).tan() / (a + b).tan()).powi(2));
+            let t = 1.0
+                - 0.5
+                    * (((a - b).sin() / (a + b).sin()).powi(2)
+                        + ((a - b).tan() / (a + b).tan()).powi(2));
             let expected = t * t * PI * 0.002 * 0.002;
             // 4096 paths that arrive or not
             let error = expected * ((1.0 - t * t) / (t * t) / 4096.0).sqrt();
-            assert!((spot.flux - expected).abs() < 4.5 * error, "{glass} at {line} nm: {spot:?}, expected {expected}");
+            assert!(
+                (spot.flux - expected).abs() < 4.5 * error,
+                "{glass} at {line} nm: {spot:?}, expected {expected}"
+            );
         }
     }
 }
@@ -113,14 +144,22 @@ fn ball_lens_focus() {
         // the beam's radius shrinks as 0.002 δ/f
         let edge = 0.000_4;
         let [before, after] = [focus - side, focus + side].map(|z| {
-            let text = BALL.replace("INDEX", index).replace("PLANE", &z.to_string());
+            let text = BALL
+                .replace("INDEX", index)
+                .replace("PLANE", &z.to_string());
             spot(&text, 64, edge, 4).rms
         });
         let found = focus - side + 2.0 * side * before / (before + after);
-        assert!((found / focus - 1.0).abs() < 1e-4, "{index}: focus at {found}, expected {focus}");
+        assert!(
+            (found / focus - 1.0).abs() < 1e-4,
+            "{index}: focus at {found}, expected {focus}"
+        );
         // uniform disc: rms = radius/√2
         let expected = 0.002 * 0.06 / f64::sqrt(2.0);
-        assert!((before / expected - 1.0).abs() < 0.02, "{index}: rms {before}, expected {expected}");
+        assert!(
+            (before / expected - 1.0).abs() < 0.02,
+            "{index}: rms {before}, expected {expected}"
+        );
     }
 }
 
@@ -157,13 +196,26 @@ fn lens_far_from_the_origin() {
     };
     let here = bench([0.0; 3], 20.0);
     assert!(here.rms > 0.01 && here.rms < 0.5, "{here:?}");
-    let cases = [([0.0, 0.0, 10_000.0], 20.0), ([10_000.0, -7_000.0, 3_000.0], 20.0), ([0.0; 3], 10_000.0)];
+    let cases = [
+        ([0.0, 0.0, 10_000.0], 20.0),
+        ([10_000.0, -7_000.0, 3_000.0], 20.0),
+        ([0.0; 3], 10_000.0),
+    ];
     for (offset, before) in cases {
         let there = bench(offset, before);
         let distance = (there.x - here.x).hypot(there.y - here.y);
-        assert!(distance < 1e-6 * here.rms, "at {offset:?}: {there:?}, at the origin {here:?}");
-        assert!((there.rms / here.rms - 1.0).abs() < 1e-6, "at {offset:?}: {there:?}, at the origin {here:?}");
-        assert!((there.flux / here.flux - 1.0).abs() < 1e-6, "at {offset:?}: {there:?}, at the origin {here:?}");
+        assert!(
+            distance < 1e-6 * here.rms,
+            "at {offset:?}: {there:?}, at the origin {here:?}"
+        );
+        assert!(
+            (there.rms / here.rms - 1.0).abs() < 1e-6,
+            "at {offset:?}: {there:?}, at the origin {here:?}"
+        );
+        assert!(
+            (there.flux / here.flux - 1.0).abs() < 1e-6,
+            "at {offset:?}: {there:?}, at the origin {here:?}"
+        );
     }
 }
 
