@@ -34,9 +34,9 @@ impl Sheet {
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
             if self.reach(middle) < s {
-                low = middle
+                low = middle;
             } else {
-                high = middle
+                high = middle;
             }
         }
         let sin = 0.5 * (low + high);
