@@ -157,7 +157,7 @@ emission = { name = "D65", luminance = 4 }
 "#
         ),
         batches: 16,
-        passes: [500, 900, 160],
+        passes: [300, 300, 120],
         classes: &["LE", "LDE", "LDDE", "LDDDE"],
         resolution: 1.5e-3,
     });
@@ -184,7 +184,7 @@ emission = 5
 "#
         ),
         batches: 16,
-        passes: [700, 900, 200],
+        passes: [300, 300, 120],
         classes: &["LDE", "LDDE"],
         resolution: 1.5e-3,
     });
@@ -212,7 +212,7 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [1200, 0, 400],
+        passes: [400, 0, 160],
         classes: &["LDE", "LDSSE", "LSSDE", "LSSE"],
         resolution: 2.5e-3,
     });
@@ -235,7 +235,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [1000, 1400, 260],
+        passes: [300, 300, 100],
         classes: &["LDE", "LDDE", "LDDDE"],
         resolution: 2e-3,
     });
@@ -260,7 +260,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [800, 0, 240],
+        passes: [300, 0, 120],
         classes: &["LDE", "LDDE", "LDSE", "LSDE"],
         resolution: 2e-3,
     });
@@ -299,7 +299,7 @@ directional = { direction = [0.3, -1, 0.2], irradiance = 0.5 }
 beam = { position = [0, 2, 0.2], direction = [-0.1, -1, 0], radius = 0.2, irradiance = 2 }
 "#,
         batches: 16,
-        passes: [1200, 2400, 500],
+        passes: [400, 400, 200],
         classes: &["LE", "LDE", "LDDE"],
         resolution: 1.5e-3,
     });
@@ -332,7 +332,7 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [1200, 0, 260],
+        passes: [300, 0, 80],
         classes: &["LDE", "LDDE", "LDDDE"],
         resolution: 2.5e-3,
     });
