@@ -163,7 +163,7 @@ pub fn line_images(
             }
             assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
             assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
-            let (_, film) = render.outputs().spectral.as_ref().unwrap();
+            let (_, film) = render.outputs().spectral.as_ref().expect("asked for above");
             let image = film.image(u64::from(passes));
             (0..count).map(|line| image.iter().skip(line).step_by(count).copied().collect()).collect()
         })
