@@ -54,8 +54,12 @@ pub fn test_scale() -> u32 {
 }
 
 pub fn scene(text: &str) -> (Scene, Settings) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/render");
-    let loaded = parse_str(text, &folder).unwrap_or_else(|e| panic!("{e}"));
+    scene_in(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/render"), text)
+}
+
+/// A scene whose files lie in `folder`.
+pub fn scene_in(folder: &Path, text: &str) -> (Scene, Settings) {
+    let loaded = parse_str(text, folder).unwrap_or_else(|e| panic!("{e}"));
     (Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}")), loaded.settings)
 }
 
@@ -149,6 +153,7 @@ pub fn line_images(
     let response = SensorResponse::Spectral(SpectralChannels::new([360.0, 830.0], 0, lines));
     let request = OutputRequest { spectral: Some(response), ..OutputRequest::default() };
     (0..batches)
+        .into_par_iter()
         .map(|batch| {
             let seed = combine(settings.seed, u64::from(batch) + 1);
             let settings = Settings { seed, ..settings.clone() };
@@ -158,7 +163,7 @@ pub fn line_images(
             }
             assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
             assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
-            let (_, film) = render.outputs().spectral.as_ref().unwrap();
+            let (_, film) = render.outputs().spectral.as_ref().expect("asked for above");
             let image = film.image(u64::from(passes));
             (0..count).map(|line| image.iter().skip(line).step_by(count).copied().collect()).collect()
         })

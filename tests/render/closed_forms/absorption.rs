@@ -1,8 +1,6 @@
 //! Beer and Lambert: what a medium leaves of light.
 
-use crate::harness::{assert_close, line_images, line_mean, scene};
-use abbe::io::scene_file::parse_str;
-use abbe::scene::Scene;
+use crate::harness::{assert_close, line_images, line_mean, scene, scene_in};
 use std::f64::consts::PI;
 
 /// A beam through 4 mm of an absorbing medium of index 1: no reflection, so no noise.
@@ -31,13 +29,16 @@ fn slab_of_index_one() {
 #[test]
 fn extinction_of_a_table() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("dye.csv"), "nm,n,k\n400,1,1e-5\n500,1,2e-5\n600,1,4e-5\n").unwrap();
+    std::fs::write(
+        folder.path().join("dye.csv"),
+        "nm,n,k\n400,1,1e-5\n500,1,2e-5\n600,1,4e-5\n",
+    )
+    .unwrap();
     let alpha = 4.0 * PI * 3e-5 / 550e-9;
     for (use_k, expected) in [("true", (-alpha * 4e-3).exp()), ("false", 1.0)] {
         let text = BEAM.replace("MEDIUM", &format!("file = \"dye.csv\"\nuse_k = {use_k}"));
-        let loaded = parse_str(&text, folder.path()).unwrap_or_else(|e| panic!("{e}"));
-        let scene = Scene::build(loaded.description).unwrap();
-        let beam = line_mean(&scene, 0, &loaded.settings, 2, 4).scaled(16.0 / PI);
+        let (scene, settings) = scene_in(folder.path(), &text);
+        let beam = line_mean(&scene, 0, &settings, 2, 4).scaled(16.0 / PI);
         assert_close("beam through a table's k", beam.mean, expected, 1e-6);
     }
 }

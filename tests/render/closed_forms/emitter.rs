@@ -1,6 +1,6 @@
 //! A uniform emitter that fills the view reads 1 in every pixel, whatever the filter and the film.
 
-use crate::harness::{Y_OF_555_NM, Estimate, assert_close, scene, test_scale, with};
+use crate::harness::{Estimate, Y_OF_555_NM, assert_close, scene, test_scale, with};
 use abbe::film::Crop;
 use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render};
@@ -13,7 +13,10 @@ const BATCHES: u32 = 32;
 fn pixels(scene: &Scene, settings: &Settings, crop: Crop, passes: u32) -> Vec<Estimate> {
     let mut values = vec![Vec::new(); crop.pixels() as usize];
     for batch in 0..BATCHES {
-        let settings = Settings { seed: combine(settings.seed, u64::from(batch)), ..settings.clone() };
+        let settings = Settings {
+            seed: combine(settings.seed, u64::from(batch)),
+            ..settings.clone()
+        };
         let mut render = Render::new(scene, 0, &settings, crop, &OutputRequest::default());
         for pass in 0..passes {
             render.add_pass(pass);
@@ -38,8 +41,15 @@ fn check(camera: &str, filter: &str, resolution: [u32; 2], crop: Crop, kind: Int
         .replace("CAMERA", camera);
     let (scene, settings) = scene(&text);
     let per_pixel = if resolution == [1, 1] { 600 } else { 4000 };
-    let passes = if kind == Path { 4 } else { per_pixel / crop.pixels() as u32 * test_scale() };
-    for (i, pixel) in pixels(&scene, &with(&settings, kind), crop, passes).iter().enumerate() {
+    let passes = if kind == Path {
+        4
+    } else {
+        per_pixel / crop.pixels() as u32 * test_scale()
+    };
+    for (i, pixel) in pixels(&scene, &with(&settings, kind), crop, passes)
+        .iter()
+        .enumerate()
+    {
         let what = format!("{camera}, {filter}, {resolution:?}, {crop:?}, {kind:?}, pixel {i}");
         if kind == Path {
             assert_close(&what, pixel.mean, 1.0, 1e-5);
@@ -49,31 +59,71 @@ fn check(camera: &str, filter: &str, resolution: [u32; 2], crop: Crop, kind: Int
     }
 }
 
-fn check_all(camera: &str) {
-    for filter in ["box", "tent", "gaussian"] {
+fn check_all(camera: &str, filters: &[&str]) {
+    for filter in filters {
         for kind in [Path, Light, Bdpt] {
-            check(camera, filter, [1, 1], Crop { x0: 0, y0: 0, x1: 1, y1: 1 }, kind);
-            check(camera, filter, [7, 5], Crop { x0: 0, y0: 0, x1: 7, y1: 5 }, kind);
-            check(camera, filter, [7, 5], Crop { x0: 5, y0: 1, x1: 7, y1: 3 }, kind);
+            check(
+                camera,
+                filter,
+                [1, 1],
+                Crop {
+                    x0: 0,
+                    y0: 0,
+                    x1: 1,
+                    y1: 1,
+                },
+                kind,
+            );
+            check(
+                camera,
+                filter,
+                [7, 5],
+                Crop {
+                    x0: 0,
+                    y0: 0,
+                    x1: 7,
+                    y1: 5,
+                },
+                kind,
+            );
+            check(
+                camera,
+                filter,
+                [7, 5],
+                Crop {
+                    x0: 5,
+                    y0: 1,
+                    x1: 7,
+                    y1: 3,
+                },
+                kind,
+            );
         }
     }
 }
 
 #[test]
 fn fills_every_pixel_of_a_pinhole() {
-    check_all("perspective = { eye = [0, 0, 0], target = [0, 0, -1], fov_deg = 53.13 }");
+    check_all(
+        "perspective = { eye = [0, 0, 0], target = [0, 0, -1], fov_deg = 53.13 }",
+        &["box", "tent", "gaussian"],
+    );
 }
 
 #[test]
 fn fills_every_pixel_of_a_thin_lens() {
     check_all(
         "perspective = { eye = [0, 0, 0], target = [0, 0, -1], fov_deg = 53.13, aperture_radius = 0.1, focus_distance = 1.3 }",
+        &["gaussian"],
     );
 }
 
 #[test]
 fn fills_every_pixel_of_an_orthographic_camera() {
-    check_all("orthographic = { eye = [0, 0, 0], target = [0, 0, -1], height = 1 }");
+    check_all(
+        "orthographic = { eye = [0, 0, 0], target = [0, 0, -1], height = 1 }",
+        &["gaussian"],
+    );
 }
 
 const SCENE: &str = r#"

@@ -9,7 +9,11 @@ use std::f64::consts::PI;
 fn slab_at_normal_incidence() {
     let cases = [
         ("ior = 1.5", "550", 12.0 / 13.0),
-        ("glass = \"schott:N-BK7\"\nuse_k = false", "587.5618", 0.919_082_7),
+        (
+            "glass = \"schott:N-BK7\"\nuse_k = false",
+            "587.5618",
+            0.919_082_7,
+        ),
     ];
     for (index, line, transmittance) in cases {
         let (scene, settings) = scene(&SLAB.replace("INDEX", index).replace("LINE", line));
@@ -93,12 +97,22 @@ fn total_reflection() {
             .replace("POSITION", &format!("[{}, {}, 0]", -5.0 * x, -5.0 * y))
             .replace("DIRECTION", &format!("[{x}, {y}, 0]"));
         let (scene, settings) = scene(&text);
-        let reflected = line_mean(&scene, 0, &settings, 32, 4 * test_scale()).scaled(4.0 / (PI * 0.01));
-        let outside = line_mean(&scene, 1, &settings, 32, 4 * test_scale()).scaled(80.0 * 80.0 / (PI * 0.01));
+        let reflected =
+            line_mean(&scene, 0, &settings, 32, 4 * test_scale()).scaled(4.0 / (PI * 0.01));
+        let outside =
+            line_mean(&scene, 1, &settings, 32, 4 * test_scale()).scaled(80.0 * 80.0 / (PI * 0.01));
         let sin_t = 1.5168 * angle.sin();
         if sin_t > 1.0 {
-            assert_close(&format!("reflectance at {degrees}"), reflected.mean, 1.0, 1e-5);
-            assert_eq!(outside.mean, 0.0, "light beyond the critical angle at {degrees}");
+            assert_close(
+                &format!("reflectance at {degrees}"),
+                reflected.mean,
+                1.0,
+                1e-5,
+            );
+            assert_eq!(
+                outside.mean, 0.0,
+                "light beyond the critical angle at {degrees}"
+            );
         } else {
             let cos_t = (1.0 - sin_t * sin_t).sqrt();
             let r_s = (1.5168 * y - cos_t) / (1.5168 * y + cos_t);
@@ -107,7 +121,11 @@ fn total_reflection() {
             reflected.assert_is(&format!("reflectance at {degrees}"), reflectance, 3e-2);
             // far out a grazing ray misses the detector
             if degrees < 41.2 {
-                outside.assert_is(&format!("transmittance at {degrees}"), 1.0 - reflectance, 1e-2);
+                outside.assert_is(
+                    &format!("transmittance at {degrees}"),
+                    1.0 - reflectance,
+                    1e-2,
+                );
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Plane interfaces: η² in both media orders, the sun over water, and interfaces that are none.
 
-use crate::harness::{Y_OF_555_NM, line_images, line_mean, measure, scene, test_scale, with};
+use crate::harness::{line_images, line_mean, scene, test_scale, with};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
 
 /// Unpolarized transmittance by the textbook's amplitudes.
@@ -24,7 +24,8 @@ impl Sheet {
     /// Lateral distance of a ray by the sine of its angle on the detector's side.
     fn reach(&self, sin: f64) -> f64 {
         let sin_from = self.n_to / self.n_from * sin;
-        self.to * sin / (1.0 - sin * sin).sqrt() + self.from * sin_from / (1.0 - sin_from * sin_from).sqrt()
+        self.to * sin / (1.0 - sin * sin).sqrt()
+            + self.from * sin_from / (1.0 - sin_from * sin_from).sqrt()
     }
 
     /// Irradiance per unit radiance and unit area of a light patch at lateral distance `s`: (n_to/n_from)² T cosθ dω/dA.
@@ -32,7 +33,11 @@ impl Sheet {
         let (mut low, mut high) = (0.0, (self.n_from / self.n_to).min(1.0));
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
-            if self.reach(middle) < s { low = middle } else { high = middle }
+            if self.reach(middle) < s {
+                low = middle;
+            } else {
+                high = middle;
+            }
         }
         let sin = 0.5 * (low + high);
         let step = 1e-5;
@@ -53,7 +58,10 @@ impl Sheet {
             let (x, y) = (at(k / n, light), at(k % n, light));
             for j in 0..n * n / 4 {
                 // by symmetry a quarter of the detector is enough
-                let (u, v) = (at(n / 2 + j / (n / 2), detector), at(n / 2 + j % (n / 2), detector));
+                let (u, v) = (
+                    at(n / 2 + j / (n / 2), detector),
+                    at(n / 2 + j % (n / 2), detector),
+                );
                 sum += self.irradiance((x - u).hypot(y - v));
             }
         }
@@ -67,17 +75,24 @@ fn compare_orders(scene_text: &str, sheet: &Sheet) {
     let (scene, settings) = scene(scene_text);
     let expected = sheet.mean(0.5, 0.4);
     for (kind, passes) in [(Path, 40), (Light, 60), (Bdpt, 24)] {
-        let measured = measure(&scene, &with(&settings, kind), 32, passes * test_scale(), &["LSE"]);
+        let measured = line_mean(&scene, 0, &with(&settings, kind), 32, passes * test_scale());
         let what = format!("from index {} to {} by {kind:?}", sheet.n_from, sheet.n_to);
-        measured.classes[0].scaled(1.0 / Y_OF_555_NM).assert_is(&what, expected, 1e-2);
+        measured.assert_is(&what, expected, 1e-2);
     }
 }
 
 #[test]
 fn light_in_air_and_detector_in_glass() {
     compare_orders(
-        &ORDERS.replace("LIGHT", "0.9, 0], u = [0.5, 0, 0], v = [0, 0, 0.5]").replace("METER", "-0.7"),
-        &Sheet { n_from: 1.0, from: 0.9, n_to: 1.5, to: 0.7 },
+        &ORDERS
+            .replace("LIGHT", "0.9, 0], u = [0.5, 0, 0], v = [0, 0, 0.5]")
+            .replace("METER", "-0.7"),
+        &Sheet {
+            n_from: 1.0,
+            from: 0.9,
+            n_to: 1.5,
+            to: 0.7,
+        },
     );
 }
 
@@ -86,12 +101,24 @@ fn light_in_glass_and_detector_in_air() {
     let text = ORDERS
         .replace("LIGHT", "-0.7, 0], u = [0, 0, 0.5], v = [0.5, 0, 0]")
         .replace("METER", "0.9")
-        .replace("u = [0, 0, 0.4], v = [0.4, 0, 0]", "u = [0.4, 0, 0], v = [0, 0, 0.4]");
-    compare_orders(&text, &Sheet { n_from: 1.5, from: 0.7, n_to: 1.0, to: 0.9 });
+        .replace(
+            "u = [0, 0, 0.4], v = [0.4, 0, 0]",
+            "u = [0.4, 0, 0], v = [0, 0, 0.4]",
+        );
+    compare_orders(
+        &text,
+        &Sheet {
+            n_from: 1.5,
+            from: 0.7,
+            n_to: 1.0,
+            to: 0.9,
+        },
+    );
 }
 
 const ORDERS: &str = r#"
 [render]
+max_depth = 1
 wavelengths = { line_nm = 555 }
 [[sensor]]
 resolution = [16, 16]
@@ -154,11 +181,27 @@ interior = "air"
     let same = scene(&format!("{MATCHED}{ball}"));
     for kind in [Path, Light, Bdpt] {
         let [a, b] = [&without, &same].map(|(scene, settings)| {
-            line_images(scene, 0, &with(settings, kind), 1, 16).remove(0).remove(0)
+            line_images(scene, 0, &with(settings, kind), 1, 16)
+                .remove(0)
+                .remove(0)
         });
-        let bits = |image: &[f64]| image.iter().map(|v| (*v as f32).to_bits()).collect::<Vec<_>>();
-        let different = bits(&a).iter().zip(bits(&b)).filter(|(a, b)| **a != *b).count();
-        assert_eq!(different, 0, "{kind:?}: {different} of {} pixels differ", a.len());
+        let bits = |image: &[f64]| {
+            image
+                .iter()
+                .map(|v| (*v as f32).to_bits())
+                .collect::<Vec<_>>()
+        };
+        let different = bits(&a)
+            .iter()
+            .zip(bits(&b))
+            .filter(|(a, b)| **a != *b)
+            .count();
+        assert_eq!(
+            different,
+            0,
+            "{kind:?}: {different} of {} pixels differ",
+            a.len()
+        );
     }
 }
 
@@ -175,12 +218,24 @@ interior = "other"
 "#;
     let without = scene(MATCHED);
     let (matched, settings) = scene(&format!("{MATCHED}{ball}"));
-    let reference = line_mean(&without.0, 0, &with(&settings, Bdpt), 32, 24 * test_scale());
-    for (kind, passes) in [(Path, 64), (Bdpt, 48)] {
-        let measured = line_mean(&matched, 0, &with(&settings, kind), 32, passes * test_scale());
-        assert!(measured.error.hypot(reference.error) < 4e-3 * reference.mean, "{measured:?} {reference:?}");
+    let reference = line_mean(&without.0, 0, &with(&settings, Bdpt), 32, 16 * test_scale());
+    for (kind, passes) in [(Path, 32), (Bdpt, 24)] {
+        let measured = line_mean(
+            &matched,
+            0,
+            &with(&settings, kind),
+            32,
+            passes * test_scale(),
+        );
+        assert!(
+            measured.error.hypot(reference.error) < 6e-3 * reference.mean,
+            "{measured:?} {reference:?}"
+        );
         let deviation = measured.deviation(&reference);
-        assert!(deviation < 4.5, "{kind:?}: {measured:?} and {reference:?} without the ball");
+        assert!(
+            deviation < 4.5,
+            "{kind:?}: {measured:?} and {reference:?} without the ball"
+        );
     }
 }
 

@@ -37,10 +37,9 @@ material = "silver"
 beam = { position = [0, 0.5, 0], direction = [0.1, -1, 0], radius = 0.01, irradiance = 1 }
 "#;
 
-/// Point light I, mirror R, detector: E = R I cosθ'/d'² with the light's mirror image.
+/// Point light I (the whole, or a cone of it), mirror R, detector: E = R I cosθ'/d'² with the light's mirror image.
 #[test]
 fn point_light_in_a_mirror() {
-    let (scene, settings) = scene(POINT);
     // the image of (0, 1, -1.2) in y = 0 is (0, -1, -1.2); the detector is the square of half edge h in the plane z = 0
     let h = 0.4;
     let n = 200;
@@ -54,9 +53,24 @@ fn point_light_in_a_mirror() {
         }
     }
     let expected = sum / f64::from(n * n);
-    for (kind, passes) in [(Light, 60), (Bdpt, 60)] {
+    for (light, kind, passes, resolution) in [
+        ("point", Light, 30, 2e-2),
+        ("spot", Light, 10, 8e-3),
+        ("spot", Bdpt, 10, 8e-3),
+    ] {
+        let narrow = "spot = { direction = [0, -2, 1.2], outer_deg = 25, ";
+        let text = if light == "spot" {
+            POINT.replace("point = { ", narrow)
+        } else {
+            POINT.to_owned()
+        };
+        let (scene, settings) = scene(&text);
         let measured = line_mean(&scene, 0, &with(&settings, kind), 32, passes * test_scale());
-        measured.assert_is(&format!("mirrored point light by {kind:?}"), expected, 1.5e-2);
+        measured.assert_is(
+            &format!("mirrored {light} light by {kind:?}"),
+            expected,
+            resolution,
+        );
     }
 }
 

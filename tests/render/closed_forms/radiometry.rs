@@ -16,7 +16,9 @@ fn under_disc(a: f64, h: f64, rho: f64) -> f64 {
 fn under_disc_on_square(a: f64, h: f64, half: f64) -> f64 {
     let n = 200;
     let at = |i: u32| half * (f64::from(i) + 0.5) / f64::from(n);
-    let sum: f64 = (0..n * n).map(|k| under_disc(a, h, at(k / n).hypot(at(k % n)))).sum();
+    let sum: f64 = (0..n * n)
+        .map(|k| under_disc(a, h, at(k / n).hypot(at(k % n))))
+        .sum();
     sum / f64::from(n * n)
 }
 
@@ -27,7 +29,11 @@ fn disc_light() {
     let (tiny, settings) = scene(&DISC.replace("HALF", "0.001"));
     for kind in [Path, Bdpt] {
         let measured = line_mean(&tiny, 0, &with(&settings, kind), 32, 16 * test_scale());
-        measured.assert_is(&format!("disc on the axis by {kind:?}"), PI * 0.25 / 4.25, 1e-3);
+        measured.assert_is(
+            &format!("disc on the axis by {kind:?}"),
+            PI * 0.25 / 4.25,
+            1e-3,
+        );
     }
     // over a square large enough for light paths to find
     let (wide, settings) = scene(&DISC.replace("HALF", "0.6"));
@@ -54,9 +60,19 @@ emission = 1
 fn disc_light_in_a_mirror() {
     let (scene, settings) = scene(MIRRORED);
     let expected = 0.9 * under_disc_on_square(0.5, 2.0, 0.2);
-    for (kind, passes) in [(Path, 40), (Light, 200), (Bdpt, 40)] {
-        let measured = measure(&scene, &with(&settings, kind), 32, passes * test_scale(), &["LSE"]);
-        measured.classes[0].scaled(1.0 / Y_OF_555_NM).assert_is(&format!("disc in a mirror by {kind:?}"), expected, 1.5e-2);
+    for (kind, passes) in [(Path, 30), (Light, 120), (Bdpt, 30)] {
+        let measured = measure(
+            &scene,
+            &with(&settings, kind),
+            32,
+            passes * test_scale(),
+            &["LSE"],
+        );
+        measured.classes[0].scaled(1.0 / Y_OF_555_NM).assert_is(
+            &format!("disc in a mirror by {kind:?}"),
+            expected,
+            1.5e-2,
+        );
     }
 }
 
