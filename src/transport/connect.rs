@@ -98,6 +98,8 @@ impl<'a> Joiner<'a> {
 
     /// Weighs, plays roulette, looks, and notes the contribution.
     fn finish(&mut self, numerator: &Numerator, strategy: &Strategy, segment: Option<(&Ray, &Region)>) {
+        #[cfg(test)]
+        super::record::record(&strategy.view, self.techniques, segment.map(|(ray, _)| ray));
         let count = self.context.count();
         let weights = denominator(&strategy.view, self.techniques, &self.context.wavelengths);
         let mut lanes = [0.0; MAX_LANES];
