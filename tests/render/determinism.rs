@@ -39,7 +39,11 @@ point = { position = [-1, 2, 1], intensity = 1 }
 "#;
 
 fn threads<T: Send>(count: usize, run: impl FnOnce() -> T + Send) -> T {
-    rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap().install(run)
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(count)
+        .build()
+        .unwrap()
+        .install(run)
 }
 
 fn sums(scene: &Scene, settings: &Settings, crop: Crop, passes: Range<u32>) -> Vec<i128> {
@@ -55,8 +59,14 @@ fn any_number_of_threads_gives_the_same_bytes() {
     let [one, two, five] = [1, 2, 5].map(|n| threads(n, || sums(&scene, &settings, crop, 0..4)));
     assert!(one.iter().any(|&v| v != 0));
     assert!(one == two && one == five);
-    let other = Settings { seed: settings.seed + 1, ..settings };
-    assert!(one != sums(&scene, &other, crop, 0..4), "another seed gives the same image");
+    let other = Settings {
+        seed: settings.seed + 1,
+        ..settings
+    };
+    assert!(
+        one != sums(&scene, &other, crop, 0..4),
+        "another seed gives the same image"
+    );
 }
 
 #[test]
@@ -72,19 +82,27 @@ fn any_order_of_pixels_gives_the_same_bytes() {
     for pass in (0..3).rev() {
         let pass = render.pass_settings(pass);
         let half = (pass.index & 1) as usize;
-        for (x, y) in (0..crop.x1).rev().flat_map(|x| (0..crop.y1).rev().map(move |y| (x, y))) {
-            let wavelengths = sample_pixel(&frame, &pass, (x, y), &request.response, &mut workspace);
+        for (x, y) in (0..crop.x1)
+            .rev()
+            .flat_map(|x| (0..crop.y1).rev().map(move |y| (x, y)))
+        {
+            let wavelengths =
+                sample_pixel(&frame, &pass, (x, y), &request.response, &mut workspace);
             let mut own = [0.0; 3];
             for contribution in &workspace.contributions {
                 if contribution.target == Target::OwnPixel {
-                    request.response.add(&wavelengths, &contribution.lanes, &mut own);
+                    request
+                        .response
+                        .add(&wavelengths, &contribution.lanes, &mut own);
                 }
             }
             film.add_pixel(x, y, half, &own);
             for contribution in workspace.contributions.iter().rev() {
                 if let Target::Splat(raster) = contribution.target {
                     let mut xyz = [0.0; 3];
-                    request.response.add(&wavelengths, &contribution.lanes, &mut xyz);
+                    request
+                        .response
+                        .add(&wavelengths, &contribution.lanes, &mut xyz);
                     film.add_splat(raster, half, &xyz);
                 }
             }
@@ -98,7 +116,11 @@ fn merged_parts_equal_one_run() {
     let (scene, settings) = scene(SCENE);
     let crop = full_crop(&scene);
     let part = |passes: Range<u32>| {
-        let range = PassRange { seed: 0, start: u64::from(passes.start), end: u64::from(passes.end) };
+        let range = PassRange {
+            seed: 0,
+            start: u64::from(passes.start),
+            end: u64::from(passes.end),
+        };
         let header = PartHeader {
             version: "test".to_owned(),
             scene_hash: scene.hash,
@@ -111,7 +133,10 @@ fn merged_parts_equal_one_run() {
             image: BTreeMap::new(),
             passes: vec![range],
         };
-        Part { header, sums: sums(&scene, &settings, crop, passes) }
+        Part {
+            header,
+            sums: sums(&scene, &settings, crop, passes),
+        }
     };
     let folder = tempfile::tempdir().unwrap();
     let files = ["late", "early"].map(|name| folder.path().join(name));
@@ -130,11 +155,19 @@ fn merged_parts_equal_one_run() {
     assert_eq!(render.pass_counts(), [4, 4]);
 }
 
-const PART: Crop = Crop { x0: 9, y0: 5, x1: 31, y1: 20 };
+const PART: Crop = Crop {
+    x0: 9,
+    y0: 5,
+    x1: 31,
+    y1: 20,
+};
 
 /// The sums of the pixels of `part` out of those of `whole`.
 fn cut(sums: &[i128], whole: &Crop, part: &Crop) -> Vec<i128> {
-    let (width, height) = ((whole.x1 - whole.x0) as usize, (whole.y1 - whole.y0) as usize);
+    let (width, height) = (
+        (whole.x1 - whole.x0) as usize,
+        (whole.y1 - whole.y0) as usize,
+    );
     let mut out = Vec::new();
     for half in 0..2 {
         for y in part.y0..part.y1 {
@@ -163,7 +196,10 @@ fn a_crop_of_bdpt_has_the_mean_of_the_whole() {
     let whole = full_crop(&scene);
     let mean = |crop: Crop, passes: u32| {
         let batch = |seed: u64| {
-            let settings = Settings { seed: combine(1, seed), ..with(&settings, Bdpt) };
+            let settings = Settings {
+                seed: combine(1, seed),
+                ..with(&settings, Bdpt)
+            };
             let sums = cut(&sums(&scene, &settings, crop, 0..passes), &crop, &PART);
             let y: i128 = sums.iter().skip(1).step_by(3).sum();
             y as f64 / 2.0_f64.powi(64) / (f64::from(passes) * PART.pixels() as f64)

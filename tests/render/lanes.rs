@@ -12,11 +12,21 @@ use std::path::Path;
 const LIMIT: f64 = 4.5;
 
 /// Images of independent seeds, with `lanes` wavelengths per path.
-fn images(scene: &Scene, settings: &Settings, lanes: usize, batches: u32, passes: u32) -> Vec<Vec<f64>> {
+fn images(
+    scene: &Scene,
+    settings: &Settings,
+    lanes: usize,
+    batches: u32,
+    passes: u32,
+) -> Vec<Vec<f64>> {
     (0..batches)
         .map(|batch| {
             let seed = combine(settings.seed, u64::from(batch) + 1);
-            let settings = Settings { seed, lanes, ..settings.clone() };
+            let settings = Settings {
+                seed,
+                lanes,
+                ..settings.clone()
+            };
             let request = OutputRequest::default();
             let mut render = Render::new(scene, 0, &settings, full_crop(scene), &request);
             (0..passes).for_each(|pass| render.add_pass(pass));
@@ -51,8 +61,16 @@ fn agree(name: &str, text: &str, passes: [u32; 3], resolution: f64) {
             let (p, q) = (&found[a][c], &found[b][c]);
             let error = p.error.hypot(q.error) / (0.5 * (p.mean + q.mean));
             let what = format!("{name}, {} of lane counts {a} and {b}", ["X", "Y", "Z"][c]);
-            println!("{what}: {:.9} {:.9}, error {error:.1e}, {:.1} sigma", p.mean, q.mean, p.deviation(q));
-            assert!(error < resolution, "{what}: standard error {error:.1e} of the mean, wanted {resolution:.0e}");
+            println!(
+                "{what}: {:.9} {:.9}, error {error:.1e}, {:.1} sigma",
+                p.mean,
+                q.mean,
+                p.deviation(q)
+            );
+            assert!(
+                error < resolution,
+                "{what}: standard error {error:.1e} of the mean, wanted {resolution:.0e}"
+            );
             assert!(p.deviation(q) < LIMIT, "{what}: {p:?} and {q:?}");
         }
     }
@@ -83,36 +101,65 @@ material = "white"
 "#;
 
 fn ball(material: &str, medium: &str) -> String {
-    format!("[[object]]\nsphere = {{ center = [0, 0.7, 0], radius = 0.6 }}\nmaterial = \"{material}\"\ninterior = \"{medium}\"\n")
+    format!(
+        "[[object]]\nsphere = {{ center = [0, 0.7, 0], radius = 0.6 }}\nmaterial = \"{material}\"\ninterior = \"{medium}\"\n"
+    )
 }
 
 fn lamp(emission: &str) -> String {
-    format!("[[object]]\nsphere = {{ center = [0.6, 2.6, 0.3], radius = 0.5 }}\nmaterial = \"white\"\nemission = {emission}\n")
+    format!(
+        "[[object]]\nsphere = {{ center = [0.6, 2.6, 0.3], radius = 0.5 }}\nmaterial = \"white\"\nemission = {emission}\n"
+    )
 }
 
 #[test]
 fn smooth_dispersive_glass() {
-    agree("clear", &[VIEW, &ball("clear", "flint"), &lamp("\"D65\"")].concat(), [150, 80, 80], 0.015);
+    agree(
+        "clear",
+        &[VIEW, &ball("clear", "flint"), &lamp("\"D65\"")].concat(),
+        [150, 80, 80],
+        0.015,
+    );
 }
 
 #[test]
 fn rough_dispersive_glass() {
-    agree("frost", &[VIEW, &ball("frost", "flint"), &lamp("\"D65\"")].concat(), [150, 80, 80], 0.015);
+    agree(
+        "frost",
+        &[VIEW, &ball("frost", "flint"), &lamp("\"D65\"")].concat(),
+        [150, 80, 80],
+        0.015,
+    );
 }
 
 #[test]
 fn line_lamps_whose_wavelengths_coincide() {
-    agree("lines", &[VIEW, &ball("clear", "flint"), &lamp("\"Hg\"")].concat(), [150, 80, 80], 0.02);
+    agree(
+        "lines",
+        &[VIEW, &ball("clear", "flint"), &lamp("\"Hg\"")].concat(),
+        [150, 80, 80],
+        0.02,
+    );
 }
 
 #[test]
 fn mixtures_of_smooth_and_rough() {
-    agree("mixture", &[VIEW, &ball("partly", "flint"), &lamp("\"D65\"")].concat(), [150, 80, 80], 0.015);
+    agree(
+        "mixture",
+        &[VIEW, &ball("partly", "flint"), &lamp("\"D65\"")].concat(),
+        [150, 80, 80],
+        0.015,
+    );
 }
 
 #[test]
 fn absorbing_glass() {
-    agree("absorption", &[VIEW, &ball("clear", "amber"), &lamp("\"D65\"")].concat(), [150, 80, 80], 0.015);
+    agree(
+        "absorption",
+        &[VIEW, &ball("clear", "amber"), &lamp("\"D65\"")].concat(),
+        [150, 80, 80],
+        0.015,
+    );
 }
 
 /// Variance of X - Y and Z - Y between images, per pixel.
@@ -123,7 +170,9 @@ fn chroma_variance(images: &[Vec<f64>]) -> Vec<f64> {
         let mean = values.iter().sum::<f64>() / n;
         values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)
     };
-    (0..images[0].len() / 3).map(|i| variance(i, 0) + variance(i, 2)).collect()
+    (0..images[0].len() / 3)
+        .map(|i| variance(i, 0) + variance(i, 2))
+        .collect()
 }
 
 #[test]
@@ -132,9 +181,14 @@ fn four_lanes_have_far_less_chroma_noise_than_one() {
     let small = [("sensor.0.resolution".to_owned(), "[24, 24]".to_owned())];
     let loaded = load(&path, &small).unwrap_or_else(|e| panic!("{e}"));
     let scene = Scene::build(loaded.description).unwrap();
-    let [one, four] = [1, 4].map(|lanes| chroma_variance(&images(&scene, &loaded.settings, lanes, 8, 16)));
+    let [one, four] =
+        [1, 4].map(|lanes| chroma_variance(&images(&scene, &loaded.settings, lanes, 8, 16)));
     // the median pixel: the few that see a caustic through the dispersive ball have one lane whatever was asked for
-    let mut ratios: Vec<f64> = one.iter().zip(&four).map(|(one, four)| four / one).collect();
+    let mut ratios: Vec<f64> = one
+        .iter()
+        .zip(&four)
+        .map(|(one, four)| four / one)
+        .collect();
     ratios.sort_by(f64::total_cmp);
     let median = ratios[ratios.len() / 2];
     println!("chroma variance of 4 lanes: {median:.3} of that of 1");

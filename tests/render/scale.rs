@@ -109,27 +109,55 @@ fn render(sensor: Sensor, k: f64) -> (Vec<i128>, Vec<f64>, Vec<f64>) {
     assert_eq!(render.counters().medium_mismatches, 0);
     let film: &Film = &render.outputs().image;
     let half = u64::from(PASSES) / 2;
-    (film.sums(), film.image(u64::from(PASSES)), film.standard_error(1, half, half).unwrap())
+    (
+        film.sums(),
+        film.image(u64::from(PASSES)),
+        film.standard_error(1, half, half).unwrap(),
+    )
 }
 
 fn check(sensor: Sensor) {
     let (sums, image, errors) = render(sensor, 1.0);
     let lit = image.iter().filter(|&&v| v > 0.0).count();
-    assert!(lit * 4 > image.len() * 3, "{sensor:?}: {lit} of {} values are not zero", image.len());
+    assert!(
+        lit * 4 > image.len() * 3,
+        "{sensor:?}: {lit} of {} values are not zero",
+        image.len()
+    );
     for exponent in [-20, 20] {
         let (scaled, other, _) = render(sensor, 2.0_f64.powi(exponent));
         let different = image.iter().zip(&other).filter(|(a, b)| a != b).count();
-        assert!(sums == scaled, "{sensor:?}, 2^{exponent}: {different} of {} values differ", image.len());
+        assert!(
+            sums == scaled,
+            "{sensor:?}, 2^{exponent}: {different} of {} values differ",
+            image.len()
+        );
     }
     for k in [1e-6, 1e6] {
         let (_, scaled, _) = render(sensor, k);
         // the same random numbers: few paths take another turn
-        let same = image.iter().zip(&scaled).filter(|(a, b)| (*a - *b).abs() <= 1e-5 * a.abs()).count();
+        let same = image
+            .iter()
+            .zip(&scaled)
+            .filter(|(a, b)| (*a - *b).abs() <= 1e-5 * a.abs())
+            .count();
         let mean = |i: &[f64]| i.iter().skip(1).step_by(3).sum::<f64>() / (i.len() / 3) as f64;
         let error = errors.iter().map(|e| e * e).sum::<f64>().sqrt() / errors.len() as f64;
-        println!("{sensor:?} x {k:e}: {same} of {} values are the same, means {} and {} ± {error}", image.len(), mean(&image), mean(&scaled));
-        assert!((mean(&image) - mean(&scaled)).abs() < 4.5 * error, "{sensor:?}: the mean changes with scale {k}");
-        assert!(same * 100 >= image.len() * 98, "{sensor:?}: scale {k} changes all but {same} of {} values", image.len());
+        println!(
+            "{sensor:?} x {k:e}: {same} of {} values are the same, means {} and {} ± {error}",
+            image.len(),
+            mean(&image),
+            mean(&scaled)
+        );
+        assert!(
+            (mean(&image) - mean(&scaled)).abs() < 4.5 * error,
+            "{sensor:?}: the mean changes with scale {k}"
+        );
+        assert!(
+            same * 100 >= image.len() * 98,
+            "{sensor:?}: scale {k} changes all but {same} of {} values",
+            image.len()
+        );
     }
 }
 
