@@ -268,10 +268,11 @@ impl<'a> Finished<'a> {
             HitMeasure::SolidAngle => 1.0,
             HitMeasure::Never => 0.0,
         };
-        pr[n - 2] = [if n == 2 {
-            direction.area_density(1.0, 1.0) * to_light
-        } else {
-            direction.area_density(self.cos(n - 2, self.forward(n - 2)), self.d2(n - 2))
+        let (cos, d2) = (self.cos(n - 2, self.forward(n - 2)), self.d2(n - 2));
+        pr[n - 2] = [match light.hit_measure() {
+            HitMeasure::SolidAngle if n == 2 => direction.area_density(1.0, 1.0),
+            HitMeasure::Never if n == 2 => 0.0,
+            _ => direction.area_density(cos, d2),
         }; MAX_LANES];
 
         for i in 1..n - 1 {

@@ -168,6 +168,21 @@ fn densities_by_definition_of_every_kind_of_light() {
 }
 
 #[test]
+fn densities_by_definition_of_parallel_projection() {
+    let view = r#"
+[render]
+max_depth = 6
+[[sensor]]
+resolution = [12, 12]
+orthographic = { eye = [0.1, 1, 3.5], target = [0, 0.7, 0], height = 2.5 }
+"#;
+    let light = "[[light]]\nenvironment = { radiance = 0.3 }";
+    let text = [view, MATERIALS, FLOOR, LAMP, light, &balls("partly")].concat();
+    let seen = check("orthographic", &text, &scenes(), 20, 1.0);
+    assert!(seen.contains_key(&(0, 2)) && seen.contains_key(&(3, 1)));
+}
+
+#[test]
 fn densities_by_definition_at_detectors() {
     for (name, kind) in [("detector", "false"), ("transparent detector", "true")] {
         let sensor = format!(
