@@ -3,6 +3,8 @@
 //!
 //! A power of two changes no rounding, so it must leave every bit; other factors change only rounding.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking")]
+
 use super::harness::full_crop;
 use abbe::film::Film;
 use abbe::io::scene_file::parse_str;
