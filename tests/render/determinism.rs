@@ -78,7 +78,7 @@ fn any_order_of_pixels_gives_the_same_bytes() {
     let request = OutputRequest::default();
     let render = Render::new(&scene, 0, &settings, crop, &request);
     let frame = Frame::new(&scene, 0, &settings, &crop, false);
-    let film = Film::new(crop, scene.sensors[0].filter.clone(), 3);
+    let film = Film::new(crop, scene.sensors[0].filter, 3);
     let mut workspace = Workspace::default();
     // backwards, the passes too, and splats after the pixel's own sum
     for pass in (0..3).rev() {
