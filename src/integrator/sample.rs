@@ -214,3 +214,6 @@ fn start_light(
     );
     true
 }
+
+#[cfg(test)]
+mod definition;

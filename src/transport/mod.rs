@@ -11,6 +11,8 @@ pub mod density;
 pub mod mis;
 #[cfg(test)]
 mod oracle;
+#[cfg(test)]
+pub mod record;
 pub mod subpath;
 pub mod techniques;
 pub mod throughput;

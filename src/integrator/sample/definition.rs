@@ -1,0 +1,504 @@
+//! The densities of real paths by definition, from nothing but the finished path: its points, normals, bsdfs and labels.
+//!
+//! Every path that a strategy makes in scenes with all kinds of vertices is taken apart again; every density that the strategy's
+//! weight used (of its own side, of the other side, of the joining edge, of direct sampling) must be the one computed here.
+
+mod cases;
+
+use super::{Frame, Workspace, sample_pixel};
+use crate::bsdf::{Bsdf, Label, Lobe};
+use crate::film::{Crop, SensorResponse};
+use crate::geometry::{EndPoint, Hit, Ray, SurfaceId};
+use crate::io::scene_file::parse_str;
+use crate::light::{HitMeasure, Light, LightId};
+use crate::scene::{Scene, Settings};
+use crate::spectrum::MAX_LANES;
+use crate::transport::record::{Recorded, take};
+use crate::transport::subpath::Vertex;
+use crate::transport::{PassSettings, Subpath};
+use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+type Column = [f64; MAX_LANES];
+
+/// Rounding of positions (1e-16 of their size) is amplified by grazing angles and by narrow lobes.
+const TOLERANCE: f64 = 1e-9;
+
+/// A finished path: end points, and scattering vertices with their labels in between.
+struct Finished<'a> {
+    scene: &'a Scene,
+    sensor: usize,
+    light: LightId,
+    x0: EndPoint,
+    inner: Vec<(&'a Vertex, Label)>,
+    xk: EndPoint,
+}
+
+/// The end of a connecting segment as an end point.
+fn end_of(scene: &Scene, ray: &Ray) -> EndPoint {
+    let normal = |id: SurfaceId| {
+        scene
+            .accel
+            .surface(
+                ray,
+                &Hit {
+                    t: ray.t_max,
+                    id,
+                    uv: DVec2::ZERO,
+                },
+            )
+            .ng
+    };
+    if ray.t_max.is_infinite() {
+        EndPoint {
+            p: DVec3::ZERO,
+            n: -ray.d,
+            surface: None,
+            infinite: true,
+        }
+    } else {
+        let p = ray.o + ray.d * ray.t_max;
+        EndPoint {
+            p,
+            n: ray.end.map_or(DVec3::ZERO, normal),
+            surface: ray.end,
+            infinite: false,
+        }
+    }
+}
+
+/// The light at the end of a connecting segment: the surface's, or the only one that is no surface.
+fn light_of(scene: &Scene, ray: &Ray) -> LightId {
+    match ray.end {
+        Some(id) => scene.objects[id.instance.0 as usize].light.unwrap(),
+        None => LightId(
+            scene
+                .lights
+                .iter()
+                .position(|l| !matches!(l, Light::Area(_)))
+                .unwrap() as u32,
+        ),
+    }
+}
+
+fn surface_end(vertex: &Vertex) -> EndPoint {
+    EndPoint {
+        p: vertex.point.p,
+        n: vertex.point.ng,
+        surface: Some(vertex.point.id),
+        infinite: false,
+    }
+}
+
+impl<'a> Finished<'a> {
+    fn new(
+        scene: &'a Scene,
+        sensor: usize,
+        light: &'a Subpath,
+        camera: &'a Subpath,
+        made: &Recorded,
+    ) -> Self {
+        let (s, t) = (made.s, made.t);
+        let (mut x0, mut id) = (light.origin, light.light);
+        let mut xk = camera.origin;
+        let on_light = s.saturating_sub(1);
+        let mut on_camera = t.saturating_sub(1);
+        match (s, t) {
+            (0, _) => {
+                on_camera = t - 2;
+                if let Some(escape) = camera
+                    .escape
+                    .as_ref()
+                    .filter(|_| camera.vertices.len() == t - 2)
+                {
+                    x0 = EndPoint {
+                        p: DVec3::ZERO,
+                        n: -escape.direction,
+                        surface: None,
+                        infinite: true,
+                    };
+                    id = Some(scene.environments[0]);
+                } else {
+                    x0 = surface_end(&camera.vertices[t - 2]);
+                    id = camera.vertices[t - 2].light;
+                }
+            }
+            (_, 0) => {
+                xk = light
+                    .sensor_hits
+                    .iter()
+                    .find(|h| h.depth + 2 == s)
+                    .unwrap()
+                    .xk;
+            }
+            (1, 1) if !scene.sensors[sensor].camera.is_hittable() => {
+                xk = end_of(scene, made.segment.as_ref().unwrap());
+            }
+            (1, _) => {
+                let segment = made.segment.as_ref().unwrap();
+                x0 = end_of(scene, segment);
+                id = Some(light_of(scene, segment));
+            }
+            (_, 1) => xk = end_of(scene, made.segment.as_ref().unwrap()),
+            _ => {}
+        }
+        let on_light = if t == 0 { s - 2 } else { on_light };
+        // the label of a joined vertex is that of the joint; of the others, what was drawn
+        let label = |path: &Subpath, i: usize, last: bool| {
+            if last {
+                Label::NonSpecular
+            } else {
+                path.densities[i + 1].label
+            }
+        };
+        let mut inner: Vec<_> = (0..on_light)
+            .map(|i| {
+                (
+                    &light.vertices[i],
+                    label(light, i, t > 0 && i + 1 == on_light),
+                )
+            })
+            .collect();
+        inner.extend((0..on_camera).rev().map(|i| {
+            (
+                &camera.vertices[i],
+                label(camera, i, s > 0 && i + 1 == on_camera),
+            )
+        }));
+        if xk.n == DVec3::ZERO && t == 1 {
+            // a lens is no surface of the scene: its points share their normal
+            xk.n = camera.origin.n;
+        }
+        Self {
+            scene,
+            sensor,
+            light: id.unwrap(),
+            x0,
+            inner,
+            xk,
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.inner.len() + 2
+    }
+
+    fn position(&self, i: usize) -> DVec3 {
+        match i {
+            0 => self.x0.p,
+            _ if i + 1 == self.len() => self.xk.p,
+            _ => self.inner[i - 1].0.point.p,
+        }
+    }
+
+    /// Unit direction from x_i to x_{i+1}.
+    fn forward(&self, i: usize) -> DVec3 {
+        let parallel = matches!(
+            self.scene.lights[self.light.0 as usize],
+            Light::Directional(_) | Light::Environment(_)
+        );
+        if i == 0 && parallel {
+            self.x0.n
+        } else {
+            (self.position(i + 1) - self.position(i)).normalize()
+        }
+    }
+
+    fn cos(&self, i: usize, w: DVec3) -> f64 {
+        match i {
+            0 => self.x0.cos(w),
+            _ if i + 1 == self.len() => self.xk.cos(w),
+            _ => w.dot(self.inner[i - 1].0.point.ng).abs(),
+        }
+    }
+
+    fn d2(&self, i: usize) -> f64 {
+        self.position(i).distance_squared(self.position(i + 1))
+    }
+
+    fn hittable(&self) -> f64 {
+        if self.scene.sensors[self.sensor].camera.is_hittable() {
+            1.0
+        } else {
+            0.0
+        }
+    }
+
+    /// Density of direction at inner vertex i: towards the sensor, and towards the light.
+    fn scattered(&self, i: usize) -> (Column, Column) {
+        let (vertex, label) = self.inner[i - 1];
+        let w_light = vertex.frame.to_local(-self.forward(i - 1));
+        let w_camera = vertex.frame.to_local(self.forward(i));
+        let bsdf: &Bsdf = &vertex.bsdf;
+        if label.is_specular() {
+            let (forward, backward) = (
+                bsdf.label_probability(label, w_light),
+                bsdf.label_probability(label, w_camera),
+            );
+            return ([forward; MAX_LANES], [backward; MAX_LANES]);
+        }
+        let eval = bsdf.eval(w_light, w_camera);
+        match eval.columns {
+            Some((camera, light)) => (camera.lanes, light.lanes),
+            None => ([eval.pdf_camera; MAX_LANES], [eval.pdf_light; MAX_LANES]),
+        }
+    }
+
+    /// `pf`, `pr` and the density of direct sampling.
+    fn densities(&self) -> (Vec<Column>, Vec<Column>, f64) {
+        let n = self.len();
+        let light = &self.scene.lights[self.light.0 as usize];
+        let context = self.scene.light_context(0.0);
+        let camera = &self.scene.sensors[self.sensor].camera;
+        let chosen = self.scene.selection.probability(self.light);
+        let scaled = |c: Column, f: f64| c.map(|v| v * f);
+        let mut pf = vec![[0.0; MAX_LANES]; n];
+        let mut pr = pf.clone();
+
+        let (position, direction) = light.emission_density(&context, &self.x0, self.forward(0));
+        pf[0] = [chosen * position; MAX_LANES];
+        let next = direction.area_density(self.cos(1, self.forward(0)), self.d2(0));
+        pf[1] = [next * if n == 2 { self.hittable() } else { 1.0 }; MAX_LANES];
+
+        let (position, direction) = camera.density(&self.xk, -self.forward(n - 2), 0.0);
+        pr[n - 1] = [position; MAX_LANES];
+        let to_light = match light.hit_measure() {
+            HitMeasure::Area => self.cos(0, self.forward(0)) / self.d2(0),
+            HitMeasure::SolidAngle => 1.0,
+            HitMeasure::Never => 0.0,
+        };
+        let (cos, d2) = (self.cos(n - 2, self.forward(n - 2)), self.d2(n - 2));
+        pr[n - 2] = [match light.hit_measure() {
+            HitMeasure::SolidAngle if n == 2 => direction.area_density(1.0, 1.0),
+            HitMeasure::Never if n == 2 => 0.0,
+            _ => direction.area_density(cos, d2),
+        }; MAX_LANES];
+
+        for i in 1..n - 1 {
+            let (forward, backward) = self.scattered(i);
+            let measure = self.cos(i + 1, self.forward(i)) / self.d2(i);
+            pf[i + 1] = scaled(
+                forward,
+                if i + 2 == n {
+                    measure * self.hittable()
+                } else {
+                    measure
+                },
+            );
+            let measure = if i == 1 {
+                to_light
+            } else {
+                self.cos(i - 1, self.forward(i - 1)) / self.d2(i - 1)
+            };
+            pr[i - 1] = scaled(backward, measure);
+        }
+        let direct = if n == 2 && self.hittable() == 0.0 {
+            // image cameras see x₀ itself, where it is a point
+            if self.x0.infinite { 0.0 } else { pf[0][0] }
+        } else {
+            chosen * light.direct_density(&context, self.position(1), &self.x0)
+        };
+        (pf, pr, direct)
+    }
+
+    /// The directions of specular vertices are the ones their labels stand for, and dispersive where the index says so.
+    fn assert_labels(&self, made: &Recorded) {
+        for (i, (vertex, label)) in self.inner.iter().enumerate() {
+            let (w_light, w_camera) = (-self.forward(i), self.forward(i + 1));
+            let n = vertex.point.ng;
+            let transmitted = w_light.dot(n) * w_camera.dot(n) < 0.0;
+            assert_eq!(
+                made.specular[i + 1],
+                label.is_specular(),
+                "label of x{}",
+                i + 1
+            );
+            let (a, b) = (
+                vertex.frame.to_local(w_light),
+                vertex.frame.to_local(w_camera),
+            );
+            match label {
+                Label::NonSpecular => assert!(!made.dispersive[i + 1]),
+                Label::SpecularReflect => {
+                    assert!(!transmitted && !made.dispersive[i + 1]);
+                    assert!(
+                        (a.truncate() + b.truncate()).length() < 1e-9,
+                        "not mirrored at x{}",
+                        i + 1
+                    );
+                }
+                Label::SpecularTransmit => {
+                    assert!(transmitted);
+                    let smooth = vertex
+                        .bsdf
+                        .lobes
+                        .iter()
+                        .any(|(_, l)| matches!(l, Lobe::Dielectric(_)));
+                    assert_eq!(
+                        made.dispersive[i + 1],
+                        smooth && vertex.bsdf.interface.dispersive
+                    );
+                    let interface = &vertex.bsdf.interface;
+                    let (eta_a, eta_b) =
+                        (interface.near(a.z > 0.0)[0], interface.near(b.z > 0.0)[0]);
+                    let bent = if smooth {
+                        a.truncate() * eta_a + b.truncate() * eta_b
+                    } else {
+                        a.truncate() + b.truncate()
+                    };
+                    assert!(bent.length() < 1e-9, "Snell's law at x{}: {bent}", i + 1);
+                }
+            }
+        }
+        for i in [0, self.len() - 1] {
+            assert!(!made.specular[i] && !made.dispersive[i]);
+        }
+    }
+
+    /// Strategy `s`, which counts in the weights, could have made the path.
+    fn assert_made_by(&self, s: usize) {
+        let camera = &self.scene.sensors[self.sensor].camera;
+        let (n, t) = (self.len(), self.len() - s);
+        let on_surface = self.x0.surface.is_some();
+        if s == 0 {
+            assert!(
+                on_surface || self.x0.infinite,
+                "a camera path cannot hit the light"
+            );
+        }
+        if t == 1 && self.hittable() == 0.0 {
+            assert!(
+                s > 1 || on_surface,
+                "the light itself is no point to be seen"
+            );
+            // (a lens has its own view from each of its points)
+            if self.xk.n == DVec3::ZERO {
+                let margin = self.scene.sensors[self.sensor].filter.margin();
+                let seen = camera.sample_connection(self.position(n - 2), DVec2::ZERO, 0.0, margin);
+                assert!(seen.is_some(), "x{} is not seen", n - 2);
+            }
+        }
+        if t == 0 {
+            assert!(camera.is_hittable(), "the sensor cannot be hit");
+        }
+    }
+}
+
+fn differs(a: f64, b: f64) -> bool {
+    // NaN differs from everything
+    !((a - b).abs() <= TOLERANCE * a.abs().max(b.abs()))
+}
+
+/// `m(s) P̃(s)`: the product of all densities of strategy `s`, times what it is executed with.
+fn density(pf: &[Column], pr: &[Column], direct: f64, multipliers: &[f64], s: usize) -> f64 {
+    let all = (0..pf.len()).map(|i| match (i, s) {
+        (0, 1) => direct,
+        _ if i < s => pf[i][0],
+        _ => pr[i][0],
+    });
+    all.product::<f64>() * multipliers[s]
+}
+
+fn weight_by_definition(
+    pf: &[Column],
+    pr: &[Column],
+    direct: f64,
+    multipliers: &[f64],
+    s: usize,
+) -> f64 {
+    let of = |s| density(pf, pr, direct, multipliers, s);
+    of(s) / (0..=pf.len()).map(of).sum::<f64>()
+}
+
+/// Takes apart every path of `passes` passes; `factor` plants an error in `pr` of x₁. Returns how many there were of each strategy.
+fn check(
+    name: &str,
+    text: &str,
+    folder: &Path,
+    passes: u32,
+    planted: f64,
+) -> BTreeMap<(usize, usize), usize> {
+    let loaded = parse_str(text, folder).unwrap_or_else(|e| panic!("{name}: {e}"));
+    let settings = Settings {
+        pair_probability: 0.5,
+        ..loaded.settings
+    };
+    let scene = Scene::build(loaded.description).unwrap();
+    let resolution = scene.sensors[0].camera.resolution();
+    let crop = Crop {
+        x0: 0,
+        y0: 0,
+        x1: resolution.width,
+        y1: resolution.height,
+    };
+    let frame = Frame::new(&scene, 0, &settings, &crop, false);
+    let mut workspace = Workspace::default();
+    let mut strategies: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+    for index in 0..passes {
+        let pass = PassSettings {
+            index,
+            ..PassSettings::default()
+        };
+        for (x, y) in
+            (0..resolution.height).flat_map(|y| (0..resolution.width).map(move |x| (x, y)))
+        {
+            take();
+            let wavelengths =
+                sample_pixel(&frame, &pass, (x, y), &SensorResponse::Xyz, &mut workspace);
+            for made in take() {
+                let path = Finished::new(&scene, 0, &workspace.light, &workspace.camera, &made);
+                let what = || {
+                    let labels: Vec<_> = path.inner.iter().map(|v| v.1).collect();
+                    format!(
+                        "{name}, pass {index}, pixel {x} {y}, strategy ({}, {}), {labels:?}",
+                        made.s, made.t
+                    )
+                };
+                assert_eq!(path.len(), made.s + made.t, "{}", what());
+                path.assert_labels(&made);
+                let (pf, mut pr, direct) = path.densities();
+                for lane in &mut pr[1] {
+                    *lane *= planted;
+                }
+                for i in 0..path.len() {
+                    for k in 0..wavelengths.count() {
+                        let pairs = [
+                            ("pf", made.pf[i][k], pf[i][k]),
+                            ("pr", made.pr[i][k], pr[i][k]),
+                        ];
+                        for (side, found, expected) in pairs {
+                            assert!(
+                                !differs(found, expected),
+                                "{}: {side} of x{i}, lane {k}, is {found:e}, by definition {expected:e}",
+                                what()
+                            );
+                        }
+                    }
+                }
+                assert!(
+                    !differs(made.direct, direct),
+                    "{}: direct {:e}, by definition {direct:e}",
+                    what(),
+                    made.direct
+                );
+                for s in 0..=path.len() {
+                    if density(&pf, &pr, direct, &made.multipliers, s) > 0.0 {
+                        path.assert_made_by(s);
+                    }
+                }
+                let weight = weight_by_definition(&pf, &pr, direct, &made.multipliers, made.s);
+                assert!(
+                    (made.weight - weight).abs() < 10.0 * TOLERANCE,
+                    "{}: weight {}, by definition {weight}",
+                    what(),
+                    made.weight
+                );
+                *strategies.entry((made.s, made.t)).or_default() += 1;
+            }
+        }
+    }
+    assert_eq!(workspace.counters.medium_mismatches, 0, "{name}");
+    println!("{name}: {strategies:?}");
+    strategies
+}

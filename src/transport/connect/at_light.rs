@@ -1,0 +1,294 @@
+//! Strategies that end on a light: camera sub-paths that hit one (s = 0) or are connected to one (s = 1).
+
+use super::{Joiner, Strategy, densities, end_point, light_end_factor};
+use crate::geometry::{EndPoint, Ray};
+use crate::light::{HitMeasure, LightId};
+use crate::medium::MediumId;
+use crate::spectrum::SampledSpectrum;
+use crate::transport::class::PathClass;
+use crate::transport::contribution::Target;
+use crate::transport::density::{Edge, EdgeDensity, PathView, VertexDensity};
+use crate::transport::subpath::Subpath;
+use crate::transport::throughput::Throughput;
+use glam::{DVec2, DVec3};
+
+impl Joiner<'_> {
+    /// s = 0: camera vertex `j` is on a light.
+    pub fn hit_light(&mut self, camera: &Subpath, j: usize) {
+        let vertex = &camera.vertices[j];
+        let Some(id) = vertex.light else { return };
+        let t = j + 2;
+        if !self.wants(0, t) {
+            return;
+        }
+        let radiance = self.light(id).radiance(
+            &vertex.point,
+            vertex.toward_previous,
+            &self.context.wavelengths,
+        );
+        if radiance.is_black(self.context.count()) {
+            return;
+        }
+        let medium = vertex.region(vertex.toward_previous).medium;
+        self.arrive_at_light(
+            camera,
+            (t, id, end_point(&vertex.point), medium),
+            vertex.toward_previous,
+            vertex.distance,
+            &radiance,
+            vertex.throughput,
+        );
+    }
+
+    /// s = 0: the camera sub-path left the scene towards an environment.
+    pub fn hit_environment(&mut self, camera: &Subpath) {
+        let Some(escape) = camera.escape else { return };
+        let t = camera.vertices.len() + 2;
+        if !self.wants(0, t) {
+            return;
+        }
+        for &id in &self.context.scene.environments {
+            let radiance = self
+                .light(id)
+                .escaped_radiance(escape.direction, &self.context.wavelengths);
+            if radiance.is_black(self.context.count()) {
+                continue;
+            }
+            let x0 = EndPoint {
+                p: DVec3::ZERO,
+                n: -escape.direction,
+                surface: None,
+                infinite: true,
+            };
+            self.arrive_at_light(
+                camera,
+                (t, id, x0, escape.medium),
+                -escape.direction,
+                f64::INFINITY,
+                &radiance,
+                escape.throughput,
+            );
+        }
+    }
+
+    /// The common part of s = 0. `leaving` is the direction in which the light leaves x₀.
+    fn arrive_at_light(
+        &mut self,
+        camera: &Subpath,
+        (t, id, x0, medium): (usize, LightId, EndPoint, MediumId),
+        leaving: DVec3,
+        distance: f64,
+        radiance: &SampledSpectrum,
+        throughput: Throughput,
+    ) {
+        self.counters.connections_tried += 1;
+        // x₁: the camera vertex before, or x_k
+        let (x1, cos, factor) = match t.checked_sub(3) {
+            Some(before) => {
+                let point = &camera.vertices[before].point;
+                (point.p, leaving.dot(point.ng).abs(), 1.0)
+            }
+            None => {
+                let hittable = f64::from(u8::from(self.techniques.hittable_sensor));
+                (camera.origin.p, camera.origin.cos(leaving), hittable)
+            }
+        };
+        let (pf0, pf1) = self.emission(id, &x0, leaving, cos, distance);
+        let direct = if t == 2 && !self.techniques.hittable_sensor {
+            // strategy (1, 1) of an image camera splats starts on area lights only
+            if self.light(id).hit_measure() == HitMeasure::Area {
+                pf0
+            } else {
+                0.0
+            }
+        } else {
+            self.direct_density(id, x1, &x0)
+        };
+        let edge = Edge {
+            camera_end: EdgeDensity::uniform(pf0),
+            camera_before: EdgeDensity::uniform(pf1 * factor),
+            ..Edge::default()
+        };
+        let mut class = PathClass::new();
+        for density in camera.densities[1..t - 1].iter().rev() {
+            class.push(density.label.is_specular());
+        }
+        let strategy = Strategy {
+            view: PathView {
+                light: &[],
+                camera: &camera.densities[..t],
+                light_columns: &[],
+                camera_columns: &camera.columns,
+                edge,
+                direct,
+            },
+            target: Target::OwnPixel,
+            class,
+        };
+        let inverse_eta2 = SampledSpectrum::ONE / self.context.eta_squared(medium);
+        let numerator = Self::numerator(
+            &[&throughput.lanes, radiance, &inverse_eta2],
+            throughput.scale,
+        );
+        self.finish(&numerator, &strategy, None);
+    }
+
+    /// s = 1: camera vertex `j` is connected to a light.
+    pub fn direct(&mut self, camera: &Subpath, j: usize) {
+        let vertex = &camera.vertices[j];
+        if !self.wants(1, j + 2) || !vertex.bsdf.has_non_specular() {
+            return;
+        }
+        let u = self.numbers.next4();
+        let scene = self.context.scene;
+        let Some((id, probability, u0)) = scene.selection.sample(u[0]) else {
+            return;
+        };
+        let light_context = self.context.light_context();
+        let Some(direct) = self.light(id).sample_direct(
+            &light_context,
+            &self.context.wavelengths,
+            vertex.point.p,
+            u0,
+            DVec2::new(u[1], u[2]),
+        ) else {
+            return;
+        };
+        if !vertex.sides_agree(direct.toward) || !vertex.sides_agree(vertex.toward_previous) {
+            return;
+        }
+        let region = vertex.region(direct.toward);
+        if region.medium != scene.light_stacks[id.0 as usize].medium() {
+            return;
+        }
+        self.counters.connections_tried += 1;
+        let eval = vertex.bsdf.eval(
+            vertex.frame.to_local(direct.toward),
+            vertex.frame.to_local(vertex.toward_previous),
+        );
+        if eval.g.is_black(self.context.count()) || direct.value.is_black(self.context.count()) {
+            return;
+        }
+        let (forward, backward) = densities(&eval);
+        let cos = direct.toward.dot(vertex.point.ng).abs();
+        let (pf0, pf1) = self.emission(id, &direct.x0, -direct.toward, cos, direct.distance);
+        let factor = light_end_factor(self.light(id), &direct.x0, direct.toward, direct.distance);
+        let edge = Edge {
+            light_end: backward.scaled(factor),
+            camera_end: EdgeDensity::uniform(pf1),
+            camera_before: self.camera_before(camera, j, &forward),
+            ..Edge::default()
+        };
+        let start = [VertexDensity::new(pf0)];
+        let strategy = Strategy {
+            view: PathView {
+                light: &start,
+                camera: &camera.densities[..j + 2],
+                light_columns: &[],
+                camera_columns: &camera.columns,
+                edge,
+                direct: probability * direct.pdf,
+            },
+            target: Target::OwnPixel,
+            class: Self::class_of(None, Some((camera, j + 1)), &edge),
+        };
+        let transmittance = if direct.distance.is_finite() {
+            self.context
+                .medium(region.medium)
+                .transmittance(direct.distance)
+        } else {
+            SampledSpectrum::ONE
+        };
+        let numerator = Self::numerator(
+            &[
+                &vertex.throughput.lanes,
+                &eval.g,
+                &direct.value,
+                &transmittance,
+            ],
+            vertex.throughput.scale * direct.toward.dot(vertex.point.ns).abs() / probability,
+        );
+        let ray = Ray {
+            t_max: direct.distance,
+            end: direct.x0.surface,
+            ..Ray::leaving(
+                vertex.point.p,
+                direct.toward,
+                self.context.time,
+                Some(vertex.point.id),
+            )
+        };
+        self.finish(&numerator, &strategy, Some((&ray, region)));
+    }
+
+    /// (1, 1) on a detector: its point is connected straight to a light. `weight` is the camera sample's, `own` the density of x_k.
+    pub fn direct_to_detector(&mut self, camera: &Subpath, weight: f64) {
+        if !self.wants(1, 1) || !self.techniques.hittable_sensor {
+            return;
+        }
+        let u = self.numbers.next4();
+        let scene = self.context.scene;
+        let Some((id, probability, u0)) = scene.selection.sample(u[0]) else {
+            return;
+        };
+        let xk = camera.origin;
+        let Some(direct) = self.light(id).sample_direct(
+            &self.context.light_context(),
+            &self.context.wavelengths,
+            xk.p,
+            u0,
+            DVec2::new(u[1], u[2]),
+        ) else {
+            return;
+        };
+        let cos = direct.toward.dot(xk.n);
+        if cos <= 0.0 {
+            return;
+        }
+        if camera.region.medium != scene.light_stacks[id.0 as usize].medium() {
+            return;
+        }
+        self.counters.connections_tried += 1;
+        let (pf0, pfk) = self.emission(id, &direct.x0, -direct.toward, cos, direct.distance);
+        let (_, direction_density) = scene.sensors[self.context.sensor].camera.density(
+            &xk,
+            direct.toward,
+            self.context.time,
+        );
+        let factor = light_end_factor(self.light(id), &direct.x0, direct.toward, direct.distance);
+        let edge = Edge {
+            light_end: EdgeDensity::uniform(direction_density.area_density(1.0, 1.0) * factor),
+            camera_end: EdgeDensity::uniform(pfk),
+            ..Edge::default()
+        };
+        let start = [VertexDensity::new(pf0)];
+        let strategy = Strategy {
+            view: PathView {
+                light: &start,
+                camera: &camera.densities[..1],
+                light_columns: &[],
+                camera_columns: &camera.columns,
+                edge,
+                direct: probability * direct.pdf,
+            },
+            target: Target::OwnPixel,
+            class: PathClass::new(),
+        };
+        let transmittance = if direct.distance.is_finite() {
+            self.context
+                .medium(camera.region.medium)
+                .transmittance(direct.distance)
+        } else {
+            SampledSpectrum::ONE
+        };
+        // the sample's weight is W_e π / pdf: without the π of its direction it is W_e / pdf
+        let scale = weight / std::f64::consts::PI * cos / probability;
+        let numerator = Self::numerator(&[&direct.value, &transmittance], scale);
+        let ray = Ray {
+            t_max: direct.distance,
+            end: direct.x0.surface,
+            ..Ray::leaving(xk.p, direct.toward, self.context.time, xk.surface)
+        };
+        self.finish(&numerator, &strategy, Some((&ray, &camera.region)));
+    }
+}

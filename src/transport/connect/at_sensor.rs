@@ -1,0 +1,263 @@
+//! Strategies that end on the sensor: light sub-paths that hit it (t = 0) or are connected to it (t = 1).
+
+use super::{Joiner, Strategy, densities, light_end_factor};
+use crate::geometry::{Ray, SurfacePoint};
+use crate::light::HitMeasure;
+use crate::transport::class::PathClass;
+use crate::transport::contribution::Target;
+use crate::transport::density::{Edge, EdgeDensity, PathView, VertexDensity};
+use crate::transport::subpath::{SensorHit, Subpath};
+use glam::DVec2;
+
+impl Joiner<'_> {
+    /// t = 1: light vertex `i` is connected to the sensor.
+    pub fn to_sensor(&mut self, light: &Subpath, i: usize, margin: f64) {
+        let vertex = &light.vertices[i];
+        if !self.wants(i + 2, 1) || !vertex.bsdf.has_non_specular() {
+            return;
+        }
+        let u = self.numbers.next4();
+        let scene = self.context.scene;
+        let sensor = &scene.sensors[self.context.sensor];
+        let Some(connection) = sensor.camera.sample_connection(
+            vertex.point.p,
+            DVec2::new(u[0], u[1]),
+            self.context.time,
+            margin,
+        ) else {
+            return;
+        };
+        let toward = connection.toward;
+        if !vertex.sides_agree(toward) || !vertex.sides_agree(vertex.toward_previous) {
+            return;
+        }
+        let region = vertex.region(toward);
+        if region.medium != sensor.stack.medium() {
+            return;
+        }
+        self.counters.connections_tried += 1;
+        let eval = vertex.bsdf.eval(
+            vertex.frame.to_local(vertex.toward_previous),
+            vertex.frame.to_local(toward),
+        );
+        if eval.g.is_black(self.context.count()) {
+            return;
+        }
+        let (forward, backward) = densities(&eval);
+        let cos = toward.dot(vertex.point.ng).abs();
+        let d2 = connection.distance * connection.distance;
+        let (_, direction_density) =
+            sensor
+                .camera
+                .density(&connection.xk, -toward, self.context.time);
+        let edge = Edge {
+            light_end: EdgeDensity::uniform(direction_density.area_density(cos, d2)),
+            light_before: self.light_before(light, i, &backward),
+            camera_end: forward.scaled(self.sensor_end_factor(
+                &connection.xk,
+                toward,
+                connection.distance,
+            )),
+            ..Edge::default()
+        };
+        let end = [VertexDensity::new(connection.pdf_xk)];
+        let strategy = Strategy {
+            view: PathView {
+                light: &light.densities[..i + 2],
+                camera: &end,
+                light_columns: &light.columns,
+                camera_columns: &[],
+                edge,
+                direct: self.direct_of(light),
+            },
+            target: Target::Splat(connection.raster),
+            class: Self::class_of(Some((light, i + 1)), None, &edge),
+        };
+        let medium = self.context.medium(region.medium);
+        let numerator = Self::numerator(
+            &[
+                &vertex.throughput.lanes,
+                &eval.g,
+                &self.context.eta_squared(region.medium),
+                &medium.transmittance(connection.distance),
+            ],
+            vertex.throughput.scale
+                * connection.importance
+                * cos
+                * vertex.light_side_correction(vertex.toward_previous),
+        );
+        let ray = Ray {
+            t_max: connection.distance,
+            end: connection.xk.surface,
+            ..Ray::leaving(
+                vertex.point.p,
+                toward,
+                self.context.time,
+                Some(vertex.point.id),
+            )
+        };
+        self.finish(&numerator, &strategy, Some((&ray, region)));
+    }
+
+    /// (1, 1) of image cameras: the start of the light sub-path, on an area light, is seen directly.
+    pub fn start_to_sensor(&mut self, light: &Subpath, margin: f64) {
+        let Some(id) = light.light else { return };
+        if !self.wants(1, 1)
+            || self.techniques.hittable_sensor
+            || self.light(id).hit_measure() != HitMeasure::Area
+        {
+            return;
+        }
+        let Some(surface) = light.origin.surface else {
+            return;
+        };
+        let u = self.numbers.next4();
+        let scene = self.context.scene;
+        let sensor = &scene.sensors[self.context.sensor];
+        let Some(connection) = sensor.camera.sample_connection(
+            light.origin.p,
+            DVec2::new(u[0], u[1]),
+            self.context.time,
+            margin,
+        ) else {
+            return;
+        };
+        let toward = connection.toward;
+        let normal = light.origin.n;
+        let point = SurfacePoint {
+            p: light.origin.p,
+            ng: normal,
+            ns: normal,
+            uv: DVec2::ZERO,
+            id: surface,
+        };
+        let radiance = self
+            .light(id)
+            .radiance(&point, toward, &self.context.wavelengths);
+        if radiance.is_black(self.context.count()) {
+            return;
+        }
+        if light.region.medium != sensor.stack.medium() {
+            return;
+        }
+        self.counters.connections_tried += 1;
+        let cos = toward.dot(normal).abs();
+        let d2 = connection.distance * connection.distance;
+        let (_, direction_density) =
+            sensor
+                .camera
+                .density(&connection.xk, -toward, self.context.time);
+        let edge = Edge {
+            light_end: EdgeDensity::uniform(direction_density.area_density(cos, d2)),
+            ..Edge::default()
+        };
+        let pf0 = light.densities[0].own;
+        let end = [VertexDensity::new(connection.pdf_xk)];
+        let strategy = Strategy {
+            view: PathView {
+                light: &light.densities[..1],
+                camera: &end,
+                light_columns: &[],
+                camera_columns: &[],
+                edge,
+                direct: pf0,
+            },
+            target: Target::Splat(connection.raster),
+            class: PathClass::new(),
+        };
+        let transmittance = self
+            .context
+            .medium(light.region.medium)
+            .transmittance(connection.distance);
+        let numerator = Self::numerator(
+            &[&radiance, &transmittance],
+            connection.importance * cos / pf0,
+        );
+        let ray = Ray {
+            t_max: connection.distance,
+            end: connection.xk.surface,
+            ..Ray::leaving(
+                light.origin.p,
+                toward,
+                self.context.time,
+                light.origin.surface,
+            )
+        };
+        self.finish(&numerator, &strategy, Some((&ray, &light.region)));
+    }
+
+    /// t = 0: the light sub-path arrived at the detector.
+    pub fn hit_sensor(&mut self, light: &Subpath, hit: &SensorHit) {
+        let n = hit.depth + 2;
+        let Some(id) = light.light else { return };
+        if !self.wants(n, 0) {
+            return;
+        }
+        self.counters.connections_tried += 1;
+        let sensor = &self.context.scene.sensors[self.context.sensor];
+        let (pdf_xk, direction_density) =
+            sensor
+                .camera
+                .density(&hit.xk, hit.toward_previous, self.context.time);
+        // x_{k-1}: the last light vertex, or x₀
+        let (before, direct) = match hit.depth.checked_sub(1) {
+            Some(i) => {
+                let cos = hit.toward_previous.dot(light.vertices[i].point.ng).abs();
+                (
+                    direction_density.area_density(cos, hit.distance * hit.distance),
+                    self.direct_of(light),
+                )
+            }
+            None => {
+                let factor = light_end_factor(
+                    self.light(id),
+                    &light.origin,
+                    hit.toward_previous,
+                    hit.distance,
+                );
+                (
+                    direction_density.area_density(1.0, 1.0) * factor,
+                    self.direct_density(id, hit.xk.p, &light.origin),
+                )
+            }
+        };
+        let mut columns = light.columns.clone();
+        let mut end = VertexDensity::new(hit.own.hero);
+        if let Some(lanes) = hit.own.lanes {
+            end.own_column = columns.len() as u32;
+            columns.push(lanes);
+        }
+        self.arrival.clear();
+        self.arrival
+            .extend_from_slice(&light.densities[..=hit.depth]);
+        self.arrival.push(end);
+        let arrival = std::mem::take(self.arrival);
+        let edge = Edge {
+            light_end: EdgeDensity::uniform(pdf_xk),
+            light_before: EdgeDensity::uniform(before),
+            ..Edge::default()
+        };
+        let mut class = PathClass::new();
+        for density in &light.densities[1..=hit.depth] {
+            class.push(density.label.is_specular());
+        }
+        let strategy = Strategy {
+            view: PathView {
+                light: &arrival,
+                camera: &[],
+                light_columns: &columns,
+                camera_columns: &[],
+                edge,
+                direct,
+            },
+            target: Target::Splat(hit.raster),
+            class,
+        };
+        let numerator = Self::numerator(
+            &[&hit.throughput.lanes],
+            hit.throughput.scale * hit.importance,
+        );
+        self.finish(&numerator, &strategy, None);
+        *self.arrival = arrival;
+    }
+}
