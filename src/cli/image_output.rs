@@ -164,11 +164,17 @@ pub fn spectral_image(render: &Render, header: &PartHeader) -> Option<ExrImage> 
     let values = film.image(header.pass_count());
     let count = film.channels();
     let channels = bins.chain(lines).enumerate().map(|(c, name)| channel(&name, values.iter().skip(c).step_by(count).copied()));
+    let mut metadata = metadata(header);
+    // readers know a spectral image by these two; per nanometer is understood
+    let layout = [("spectralLayoutVersion", "1.0"), ("emissiveUnits", "W.m^-2.sr^-1")];
+    metadata.entries.extend(layout.map(|(name, value)| (name.to_owned(), MetadataValue::Text(value.to_owned()))));
+    // the one unit that the response has, whatever that of the XYZ image
+    metadata.entries.retain(|(name, _)| name != "unit");
     Some(ExrImage {
         width: header.width,
         height: header.height,
         crop: header.crop(),
         channels: channels.collect(),
-        metadata: metadata(header),
+        metadata,
     })
 }
