@@ -14,8 +14,16 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Version, target and profile.
 fn long_version() -> &'static str {
     static TEXT: LazyLock<String> = LazyLock::new(|| {
-        let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
-        format!("{VERSION} ({} {}, {profile})", std::env::consts::ARCH, std::env::consts::OS)
+        let profile = if cfg!(debug_assertions) {
+            "debug"
+        } else {
+            "release"
+        };
+        format!(
+            "{VERSION} ({} {}, {profile})",
+            std::env::consts::ARCH,
+            std::env::consts::OS
+        )
     });
     &TEXT
 }
@@ -119,10 +127,10 @@ pub struct RenderOptions {
     #[arg(long, value_name = "A..B", value_parser = passes)]
     pub passes: Option<Range<u32>>,
     /// Stops after the pass in which this much time is used up, per sensor; without --spp or --passes there is no other limit
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_negative_numbers = true)]
     pub time: Option<f64>,
     /// Stops when the estimated relative error of the image is below R
-    #[arg(long, value_name = "R", value_parser = positive)]
+    #[arg(long, value_name = "R", value_parser = positive, allow_negative_numbers = true)]
     pub target_error: Option<f64>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
@@ -250,31 +258,47 @@ impl RenderOptions {
     /// The overrides of the scene file: the options that have a key in `[render]`, then those of `--set`.
     #[must_use]
     pub fn scene_overrides(&self) -> Vec<(String, String)> {
-        let named = |value: Option<clap::builder::PossibleValue>| value.map(|v| v.get_name().to_owned());
+        let named =
+            |value: Option<clap::builder::PossibleValue>| value.map(|v| v.get_name().to_owned());
         let options = [
-            ("integrator", named(self.integrator.and_then(|v| v.to_possible_value()))),
+            (
+                "integrator",
+                named(self.integrator.and_then(|v| v.to_possible_value())),
+            ),
             ("spp", self.spp.map(|v| v.to_string())),
             ("seed", self.seed.map(|v| v.to_string())),
             ("lanes", self.lanes.clone()),
-            ("heuristic", named(self.heuristic.and_then(|v| v.to_possible_value()))),
+            (
+                "heuristic",
+                named(self.heuristic.and_then(|v| v.to_possible_value())),
+            ),
             ("max_depth", self.max_depth.map(|v| v.to_string())),
-            ("filter", named(self.filter.and_then(|v| v.to_possible_value()))),
+            (
+                "filter",
+                named(self.filter.and_then(|v| v.to_possible_value())),
+            ),
             ("wavelengths", self.wavelengths.clone()),
         ];
-        let options = options.into_iter().filter_map(|(key, value)| Some((format!("render.{key}"), value?)));
+        let options = options
+            .into_iter()
+            .filter_map(|(key, value)| Some((format!("render.{key}"), value?)));
         options.chain(self.overrides.set.iter().cloned()).collect()
     }
 }
 
 fn key_value(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
-        Some((key, value)) if !key.trim().is_empty() => Ok((key.trim().to_owned(), value.trim().to_owned())),
+        Some((key, value)) if !key.trim().is_empty() => {
+            Ok((key.trim().to_owned(), value.trim().to_owned()))
+        }
         _ => Err("expected KEY=VALUE".to_owned()),
     }
 }
 
 fn passes(text: &str) -> Result<Range<u32>, String> {
-    let parsed = text.split_once("..").and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
+    let parsed = text
+        .split_once("..")
+        .and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
     // the last index is the pilot's
     parsed
         .filter(|r: &Range<u32>| r.start < r.end && r.end < u32::MAX)
@@ -285,16 +309,25 @@ fn crop(text: &str) -> Result<Crop, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[x0, y0, x1, y1]) if x0 < x1 && y0 < y1 => Ok(Crop { x0, y0, x1, y1 }),
-        _ => Err("expected X0,Y0,X1,Y1 with X0 < X1 and Y0 < Y1, in pixels from the top left".to_owned()),
+        _ => Err(
+            "expected X0,Y0,X1,Y1 with X0 < X1 and Y0 < Y1, in pixels from the top left".to_owned(),
+        ),
     }
 }
 
 fn finite(text: &str) -> Result<f64, String> {
-    text.trim().parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| "expected a number".to_owned())
+    text.trim()
+        .parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite())
+        .ok_or_else(|| "expected a number".to_owned())
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    finite(text).ok().filter(|&v| v > 0.0).ok_or_else(|| "expected a number above 0".to_owned())
+    finite(text)
+        .ok()
+        .filter(|&v| v > 0.0)
+        .ok_or_else(|| "expected a number above 0".to_owned())
 }
 
 /// A number of bytes with an optional suffix K, M, G or T (powers of 1024).
@@ -308,8 +341,13 @@ fn size(text: &str) -> Result<u64, String> {
         "T" => 40,
         _ => 64,
     };
-    let bytes = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(1_u64.checked_shl(shift)?));
-    bytes.filter(|&b| b > 0).ok_or_else(|| "expected a number of bytes such as 500M or 2G".to_owned())
+    let bytes = digits
+        .parse::<u64>()
+        .ok()
+        .and_then(|n| n.checked_mul(1_u64.checked_shl(shift)?));
+    bytes
+        .filter(|&b| b > 0)
+        .ok_or_else(|| "expected a number of bytes such as 500M or 2G".to_owned())
 }
 
 /// The value of `render.wavelengths` that says the same.
@@ -323,8 +361,11 @@ fn wavelengths(text: &str) -> Result<String, String> {
         return Ok(format!("{{ range_nm = [{a:?}, {b:?}] }}"));
     }
     let lines: Result<Vec<f64>, String> = text.split(',').map(finite).collect();
-    let wrong = |_| "expected scene, uniform, visible, A..B or a list of wavelengths in nm".to_owned();
-    lines.map(|lines| format!("{{ lines_nm = {lines:?} }}")).map_err(wrong)
+    let wrong =
+        |_| "expected scene, uniform, visible, A..B or a list of wavelengths in nm".to_owned();
+    lines
+        .map(|lines| format!("{{ lines_nm = {lines:?} }}"))
+        .map_err(wrong)
 }
 
 fn aov(text: &str) -> Result<Aov, String> {
@@ -338,7 +379,13 @@ fn aov(text: &str) -> Result<Aov, String> {
             let expression = text
                 .strip_prefix("class:")
                 .ok_or("expected error, strategies, depth, normal, albedo or class:REGEX")?;
-            let wrong = |e: regex::Error| e.to_string().lines().last().unwrap_or("not a regular expression").to_owned();
+            let wrong = |e: regex::Error| {
+                e.to_string()
+                    .lines()
+                    .last()
+                    .unwrap_or("not a regular expression")
+                    .to_owned()
+            };
             Aov::Class(Regex::new(expression).map_err(wrong)?)
         }
     })
@@ -364,11 +411,24 @@ mod tests {
 
     #[test]
     fn options_become_overrides_and_set_comes_last() {
-        let options = render(&["--spp", "3", "--integrator", "light", "--wavelengths", "486.1,600", "--set", "render.spp = 5"]);
+        let options = render(&[
+            "--spp",
+            "3",
+            "--integrator",
+            "light",
+            "--wavelengths",
+            "486.1,600",
+            "--set",
+            "render.spp = 5",
+        ]);
         let overrides = options.unwrap().scene_overrides();
         let as_text: Vec<String> = overrides.iter().map(|(k, v)| format!("{k}={v}")).collect();
-        let expected =
-            ["render.integrator=light", "render.spp=3", "render.wavelengths={ lines_nm = [486.1, 600.0] }", "render.spp=5"];
+        let expected = [
+            "render.integrator=light",
+            "render.spp=3",
+            "render.wavelengths={ lines_nm = [486.1, 600.0] }",
+            "render.spp=5",
+        ];
         assert_eq!(as_text, expected);
     }
 
@@ -378,7 +438,15 @@ mod tests {
         for wrong in ["3", "3..3", "8..3", "-1..3", "a..b", "0..4294967295"] {
             assert!(passes(wrong).is_err(), "{wrong}");
         }
-        assert_eq!(crop("1,2,3,4"), Ok(Crop { x0: 1, y0: 2, x1: 3, y1: 4 }));
+        assert_eq!(
+            crop("1,2,3,4"),
+            Ok(Crop {
+                x0: 1,
+                y0: 2,
+                x1: 3,
+                y1: 4
+            })
+        );
         for wrong in ["1,2,3", "1,2,1,4", "1,2,3,2", "1,2,3,4,5", "a,b,c,d", ""] {
             assert!(crop(wrong).is_err(), "{wrong}");
         }
@@ -396,7 +464,9 @@ mod tests {
     #[test]
     fn layers_are_named_or_classes() {
         let options = render(&["--aov", "error,class:^LS+DE$,depth"]).unwrap();
-        assert!(matches!(&options.aov[..], [Aov::Error, Aov::Class(r), Aov::Depth] if r.is_match("LSSDE")));
+        assert!(
+            matches!(&options.aov[..], [Aov::Error, Aov::Class(r), Aov::Depth] if r.is_match("LSSDE"))
+        );
         assert!(render(&["--aov", "noise"]).is_err());
         assert!(render(&["--aov", "class:("]).is_err());
     }

@@ -16,21 +16,32 @@ pub fn run(options: &CompareOptions) -> Result<Outcome, CliError> {
     let size = |i: &exr::ExrImage| (i.crop.x1 - i.crop.x0, i.crop.y1 - i.crop.y0);
     let ((w, h), (rw, rh)) = (size(&image), size(&reference));
     if (w, h) != (rw, rh) {
-        return Err(CliError::file(&options.image, format!("is {w} x {h}, the reference {rw} x {rh} pixels")));
+        return Err(CliError::file(
+            &options.image,
+            format!("is {w} x {h}, the reference {rw} x {rh} pixels"),
+        ));
     }
     let errors: Vec<ImageError> = (0..3)
         .map(|c| {
-            let channel = |xyz: &[f64]| -> Vec<f64> { xyz.iter().skip(c).step_by(3).copied().collect() };
+            let channel =
+                |xyz: &[f64]| -> Vec<f64> { xyz.iter().skip(c).step_by(3).copied().collect() };
             image_error(&channel(&image_xyz), &channel(&reference_xyz), w as usize)
         })
         .collect();
-    print(&if options.json { json_text(&errors) } else { table(&errors) });
+    print(&if options.json {
+        json_text(&errors)
+    } else {
+        table(&errors)
+    });
     Ok(Outcome::Done)
 }
 
 fn read(path: &Path) -> Result<(exr::ExrImage, Vec<f64>), CliError> {
-    let (image, xyz) = exr::read_xyz(path).map_err(|e| CliError::Failed(e.to_string()))?;
-    let bad = xyz.chunks(3).filter(|p| p.iter().any(|v| !v.is_finite())).count();
+    let (image, xyz) = exr::read_xyz(path)?;
+    let bad = xyz
+        .chunks(3)
+        .filter(|p| p.iter().any(|v| !v.is_finite()))
+        .count();
     if bad > 0 {
         return Err(CliError::file(path, format!("{bad} pixels are not finite")));
     }
@@ -39,7 +50,11 @@ fn read(path: &Path) -> Result<(exr::ExrImage, Vec<f64>), CliError> {
 
 fn table(errors: &[ImageError]) -> String {
     let y = &errors[1];
-    let ratios: Vec<String> = CHANNELS.iter().zip(errors).map(|(c, e)| format!("{c} {:.6}", e.mean_ratio)).collect();
+    let ratios: Vec<String> = CHANNELS
+        .iter()
+        .zip(errors)
+        .map(|(c, e)| format!("{c} {:.6}", e.mean_ratio))
+        .collect();
     format!(
         "relMSE          {:.6e}\n\
          relMSE trimmed  {:.6e}  (without the worst 0.1 % of the pixels)\n\
@@ -58,8 +73,11 @@ fn table(errors: &[ImageError]) -> String {
 
 fn json_text(errors: &[ImageError]) -> String {
     let y = &errors[1];
-    let ratio: serde_json::Map<_, _> =
-        CHANNELS.iter().zip(errors).map(|(c, e)| ((*c).to_owned(), json!(e.mean_ratio))).collect();
+    let ratio: serde_json::Map<_, _> = CHANNELS
+        .iter()
+        .zip(errors)
+        .map(|(c, e)| ((*c).to_owned(), json!(e.mean_ratio)))
+        .collect();
     let value = json!({
         "rel_mse": y.rel_mse,
         "rel_mse_trimmed": y.trimmed_rel_mse,

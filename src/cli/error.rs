@@ -1,7 +1,12 @@
 //! Errors of the command line: each says what failed and on which file.
 
+use crate::film::AddSumsError;
+use crate::io::atomic::FileError;
+use crate::io::exr::ExrError;
+use crate::io::part::PartError;
 use crate::io::scene_file::SceneFileErrors;
 use crate::scene::BuildError;
+use crate::spectrum::LibraryError;
 use std::path::PathBuf;
 
 /// Why a command failed.
@@ -29,6 +34,21 @@ pub enum CliError {
         /// What is wrong.
         message: String,
     },
+    /// A file that could not be written.
+    #[error(transparent)]
+    Write(#[from] FileError),
+    /// An image that could not be read or written.
+    #[error(transparent)]
+    Image(#[from] ExrError),
+    /// A part file that could not be read, written or merged.
+    #[error(transparent)]
+    Part(#[from] PartError),
+    /// Sums that do not fit.
+    #[error(transparent)]
+    Sums(#[from] AddSumsError),
+    /// A glass that there is not.
+    #[error(transparent)]
+    Library(#[from] LibraryError),
     /// Anything else that went wrong.
     #[error("{0}")]
     Failed(String),
@@ -36,8 +56,11 @@ pub enum CliError {
 
 impl CliError {
     /// A problem with a file.
-    pub fn file(path: impl Into<PathBuf>, message: impl ToString) -> Self {
-        Self::File { path: path.into(), message: message.to_string() }
+    pub fn file(path: impl Into<PathBuf>, message: impl Into<String>) -> Self {
+        Self::File {
+            path: path.into(),
+            message: message.into(),
+        }
     }
 
     /// 2 for wrong usage, else 1.

@@ -32,8 +32,12 @@ pub fn run(options: &GlassOptions) -> Result<Outcome, CliError> {
         print(&list(library, options.json));
         return Ok(Outcome::Done);
     };
-    let ior = library.ior(name).map_err(|e| CliError::Failed(e.to_string()))?;
-    print(&if options.json { json_text(&ior) } else { table(&ior) });
+    let ior = library.ior(name)?;
+    print(&if options.json {
+        json_text(&ior)
+    } else {
+        table(&ior)
+    });
     Ok(Outcome::Done)
 }
 
@@ -42,14 +46,24 @@ fn list(library: &Library, as_json: bool) -> String {
         let all: Vec<_> = library.glasses().map(summary).collect();
         return format!("{:#}\n", json!(all));
     }
-    let row = |ior: &Ior| format!("{:<28} n_d {:<8}  V_d {}\n", ior.name(), index_d(ior), abbe_number(ior));
+    let row = |ior: &Ior| {
+        format!(
+            "{:<28} n_d {:<8}  V_d {}\n",
+            ior.name(),
+            index_d(ior),
+            abbe_number(ior)
+        )
+    };
     library.glasses().map(row).collect()
 }
 
 /// The lines at which the material has an index.
 fn lines(ior: &Ior) -> impl Iterator<Item = (&'static str, &'static str, f64, f64)> {
     let usable = |nm: f64| ior.validate_conductor([nm, nm]).is_ok();
-    LINES.iter().filter(move |l| usable(l.2)).map(|&(letter, source, nm)| (letter, source, nm, ior.n(nm)))
+    LINES
+        .iter()
+        .filter(move |l| usable(l.2))
+        .map(|&(letter, source, nm)| (letter, source, nm, ior.n(nm)))
 }
 
 /// n_d, or a dash where the material is not defined there.
@@ -61,7 +75,11 @@ pub fn index_d(ior: &Ior) -> String {
 /// V_d, or a dash where there is none.
 pub fn abbe_number(ior: &Ior) -> String {
     let v = ior.abbe_number();
-    if v.is_finite() { format!("{v:.2}") } else { "-".to_owned() }
+    if v.is_finite() {
+        format!("{v:.2}")
+    } else {
+        "-".to_owned()
+    }
 }
 
 /// Where the index is used beyond its data between 360 and 830 nm.
@@ -77,13 +95,26 @@ fn table(ior: &Ior) -> String {
     let mut text = format!("{}\n", ior.name());
     for (letter, source, nm, n) in lines(ior) {
         _ = write!(text, "  n_{letter:<3}{source:<3} {nm:>9.4} nm  {n:.6}");
-        _ = if ior.has_k() { writeln!(text, "  k {:.3e}", ior.k(nm)) } else { writeln!(text) };
+        _ = if ior.has_k() {
+            writeln!(text, "  k {:.3e}", ior.k(nm))
+        } else {
+            writeln!(text)
+        };
     }
     _ = writeln!(text, "  V_d     {}", abbe_number(ior));
-    _ = writeln!(text, "  range   {}", ior.fitted_range_nm().map_or_else(|| "any".to_owned(), range_text));
+    _ = writeln!(
+        text,
+        "  range   {}",
+        ior.fitted_range_nm()
+            .map_or_else(|| "any".to_owned(), range_text)
+    );
     let beyond: Vec<String> = extrapolated(ior).into_iter().map(range_text).collect();
     if !beyond.is_empty() {
-        _ = writeln!(text, "  beyond  {} (formula used outside the range it was fitted over)", beyond.join(", "));
+        _ = writeln!(
+            text,
+            "  beyond  {} (formula used outside the range it was fitted over)",
+            beyond.join(", ")
+        );
     }
     if !ior.has_k() {
         _ = writeln!(text, "  k       none: clear");

@@ -5,7 +5,9 @@
 use super::CliError;
 use super::args::Aov;
 use crate::film::{Film, SensorResponse};
-use crate::io::exr::{Channel, ExrImage, ImageMetadata, MetadataValue, spectral_channel_name, xyz_channels};
+use crate::io::exr::{
+    Channel, ExrImage, ImageMetadata, MetadataValue, spectral_channel_name, xyz_channels,
+};
 use crate::io::part::{Part, PartHeader};
 use crate::io::{exr, part, png};
 use crate::render::Render;
@@ -30,9 +32,16 @@ pub fn xyz_image(film: &Film, header: &PartHeader) -> ExrImage {
 /// What the image says about itself.
 fn metadata(header: &PartHeader) -> ImageMetadata {
     let text = |name: &str, value: String| (name.to_owned(), MetadataValue::Text(value));
-    let one_seed = header.passes.iter().all(|p| p.seed == header.passes[0].seed);
+    let one_seed = header
+        .passes
+        .iter()
+        .all(|p| p.seed == header.passes[0].seed);
     let ranges = header.passes.iter().map(|p| {
-        let seed = if one_seed { String::new() } else { format!("{}:", p.seed) };
+        let seed = if one_seed {
+            String::new()
+        } else {
+            format!("{}:", p.seed)
+        };
         format!("{seed}{}..{}", p.start, p.end)
     });
     let mut seeds: Vec<String> = header.passes.iter().map(|p| p.seed.to_string()).collect();
@@ -44,7 +53,12 @@ fn metadata(header: &PartHeader) -> ImageMetadata {
         text("passes", ranges.collect::<Vec<_>>().join(",")),
         text("seed", seeds.join(",")),
     ];
-    entries.extend(header.image.iter().map(|(name, value)| text(name, value.clone())));
+    entries.extend(
+        header
+            .image
+            .iter()
+            .map(|(name, value)| text(name, value.clone())),
+    );
     ImageMetadata { entries }
 }
 
@@ -52,14 +66,39 @@ fn metadata(header: &PartHeader) -> ImageMetadata {
 ///
 /// # Errors
 /// Where a file cannot be written; the other is then untouched or new.
-pub fn write_image(path: &Path, image: &ExrImage, preview: Option<&Path>, exposure_ev: f64) -> Result<(), CliError> {
-    exr::write(path, image).map_err(failed)?;
-    let Some(preview) = preview else { return Ok(()) };
-    let channel = |name: &str| image.channels.iter().find(|c| c.name == name).map_or(&[][..], |c| &c.values);
+pub fn write_image(
+    path: &Path,
+    image: &ExrImage,
+    preview: Option<&Path>,
+    exposure_ev: f64,
+) -> Result<(), CliError> {
+    exr::write(path, image)?;
+    let Some(preview) = preview else {
+        return Ok(());
+    };
+    let channel = |name: &str| {
+        image
+            .channels
+            .iter()
+            .find(|c| c.name == name)
+            .map_or(&[][..], |c| &c.values)
+    };
     let (x, y, z) = (channel("X"), channel("Y"), channel("Z"));
-    let xyz: Vec<f64> = x.iter().zip(y).zip(z).flat_map(|((x, y), z)| [x, y, z].map(|v| f64::from(*v))).collect();
+    let xyz: Vec<f64> = x
+        .iter()
+        .zip(y)
+        .zip(z)
+        .flat_map(|((x, y), z)| [x, y, z].map(|v| f64::from(*v)))
+        .collect();
     let size = (image.crop.x1 - image.crop.x0, image.crop.y1 - image.crop.y0);
-    png::write_preview(preview, size.0, size.1, &xyz, exposure_ev, xyz_to_linear_srgb).map_err(failed)
+    Ok(png::write_preview(
+        preview,
+        size.0,
+        size.1,
+        &xyz,
+        exposure_ev,
+        xyz_to_linear_srgb,
+    )?)
 }
 
 /// The preview beside an image.
@@ -75,8 +114,12 @@ pub fn preview_path(image: &Path) -> PathBuf {
 pub fn film_of(part: &Part) -> Result<Film, CliError> {
     let header = &part.header;
     // nothing is splatted any more: the filter does not matter
-    let mut film = Film::new(header.crop(), crate::film::Filter::Box, header.channels as usize);
-    film.add_sums(&part.sums).map_err(failed)?;
+    let mut film = Film::new(
+        header.crop(),
+        crate::film::Filter::Box,
+        header.channels as usize,
+    );
+    film.add_sums(&part.sums)?;
     Ok(film)
 }
 
@@ -85,11 +128,13 @@ pub fn film_of(part: &Part) -> Result<Film, CliError> {
 /// # Errors
 /// Where the file cannot be written.
 pub fn write_part(path: &Path, film: &Film, header: PartHeader) -> Result<(), CliError> {
-    part::write(path, &Part { header, sums: film.sums() }).map_err(failed)
-}
-
-fn failed(error: impl ToString) -> CliError {
-    CliError::Failed(error.to_string())
+    Ok(part::write(
+        path,
+        &Part {
+            header,
+            sums: film.sums(),
+        },
+    )?)
 }
 
 /// Adds the extra layers asked for to an XYZ image.
@@ -104,11 +149,14 @@ pub fn add_layers(image: &mut ExrImage, aov: &[Aov], render: &Render, guides: &[
                 let [even, odd] = render.pass_counts();
                 // unknown while one half has no passes
                 let errors = render.outputs().image.standard_error(1, even, odd);
-                let errors = errors.unwrap_or_else(|| vec![f64::INFINITY; render.crop().pixels() as usize]);
+                let errors =
+                    errors.unwrap_or_else(|| vec![f64::INFINITY; render.crop().pixels() as usize]);
                 channels.push(channel("error.Y", errors.iter().copied()));
             }
             Aov::Strategies => {
-                let Some(films) = &render.outputs().strategies else { continue };
+                let Some(films) = &render.outputs().strategies else {
+                    continue;
+                };
                 // a poisoned lock means that a render thread has panicked, and so has this one
                 for ((s, t), film) in films.read().unwrap_or_else(PoisonError::into_inner).iter() {
                     channels.extend(layer_channels(&format!("s{s}t{t}"), film, passes));
@@ -117,20 +165,31 @@ pub fn add_layers(image: &mut ExrImage, aov: &[Aov], render: &Render, guides: &[
             Aov::Depth => channels.push(channel("depth.Z", guides.iter().map(|g| g.depth))),
             Aov::Normal => {
                 for (i, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
-                    channels.push(channel(&format!("normal.{axis}"), guides.iter().map(|g| g.normal[i])));
+                    channels.push(channel(
+                        &format!("normal.{axis}"),
+                        guides.iter().map(|g| g.normal[i]),
+                    ));
                 }
             }
             Aov::Albedo => {
                 for (i, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
-                    channels.push(channel(&format!("albedo.{axis}"), guides.iter().map(|g| g.albedo[i])));
+                    channels.push(channel(
+                        &format!("albedo.{axis}"),
+                        guides.iter().map(|g| g.albedo[i]),
+                    ));
                 }
             }
             Aov::Class(_) => {
-                let Some((regex, film)) = classes.next() else { continue };
+                let Some((regex, film)) = classes.next() else {
+                    continue;
+                };
                 let name = format!("class{class_count}");
                 class_count += 1;
                 channels.extend(layer_channels(&name, film, passes));
-                image.metadata.entries.push((name, MetadataValue::Text(regex.to_string())));
+                image
+                    .metadata
+                    .entries
+                    .push((name, MetadataValue::Text(regex.to_string())));
             }
         }
     }
@@ -139,12 +198,21 @@ pub fn add_layers(image: &mut ExrImage, aov: &[Aov], render: &Render, guides: &[
 /// First hits, where a layer needs them.
 #[must_use]
 pub fn guides_for(aov: &[Aov], scene: &Scene, sensor: usize, render: &Render) -> Vec<Guide> {
-    let needed = aov.iter().any(|a| matches!(a, Aov::Depth | Aov::Normal | Aov::Albedo));
-    if needed { guides(scene, sensor, &render.crop()) } else { Vec::new() }
+    let needed = aov
+        .iter()
+        .any(|a| matches!(a, Aov::Depth | Aov::Normal | Aov::Albedo));
+    if needed {
+        guides(scene, sensor, &render.crop())
+    } else {
+        Vec::new()
+    }
 }
 
 fn channel(name: &str, values: impl Iterator<Item = f64>) -> Channel {
-    Channel { name: name.to_owned(), values: values.map(|v| v as f32).collect() }
+    Channel {
+        name: name.to_owned(),
+        values: values.map(|v| v as f32).collect(),
+    }
 }
 
 fn layer_channels(layer: &str, film: &Film, passes: u64) -> Vec<Channel> {
@@ -158,16 +226,29 @@ fn layer_channels(layer: &str, film: &Film, passes: u64) -> Vec<Channel> {
 /// The spectral image; `None` where none was kept. Bins hold the mean per nanometer, lines (layer `line`) their power.
 #[must_use]
 pub fn spectral_image(render: &Render, header: &PartHeader) -> Option<ExrImage> {
-    let (SensorResponse::Spectral(spectral), film) = render.outputs().spectral.as_ref()? else { return None };
+    let (SensorResponse::Spectral(spectral), film) = render.outputs().spectral.as_ref()? else {
+        return None;
+    };
     let bins = spectral.bin_centers_nm().map(spectral_channel_name);
-    let lines = spectral.lines_nm().iter().map(|nm| format!("line.{}", spectral_channel_name(*nm)));
+    let lines = spectral
+        .lines_nm()
+        .iter()
+        .map(|nm| format!("line.{}", spectral_channel_name(*nm)));
     let values = film.image(header.pass_count());
     let count = film.channels();
-    let channels = bins.chain(lines).enumerate().map(|(c, name)| channel(&name, values.iter().skip(c).step_by(count).copied()));
+    let channels = bins
+        .chain(lines)
+        .enumerate()
+        .map(|(c, name)| channel(&name, values.iter().skip(c).step_by(count).copied()));
     let mut metadata = metadata(header);
     // readers know a spectral image by these two; per nanometer is understood
-    let layout = [("spectralLayoutVersion", "1.0"), ("emissiveUnits", "W.m^-2.sr^-1")];
-    metadata.entries.extend(layout.map(|(name, value)| (name.to_owned(), MetadataValue::Text(value.to_owned()))));
+    for (name, value) in [
+        ("spectralLayoutVersion", "1.0"),
+        ("emissiveUnits", "W.m^-2.sr^-1"),
+    ] {
+        let value = MetadataValue::Text(value.to_owned());
+        metadata.entries.push((name.to_owned(), value));
+    }
     // the one unit that the response has, whatever that of the XYZ image
     metadata.entries.retain(|(name, _)| name != "unit");
     Some(ExrImage {

@@ -17,7 +17,11 @@ pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
     for warning in &loaded.warnings {
         eprintln!("warning: {warning}");
     }
-    print(&if options.json { format!("{:#}\n", to_json(&loaded)) } else { to_text(&loaded) });
+    print(&if options.json {
+        format!("{:#}\n", to_json(&loaded))
+    } else {
+        to_text(&loaded)
+    });
     Ok(Outcome::Done)
 }
 
@@ -54,7 +58,13 @@ fn light_kind(light: &Light) -> &'static str {
 /// Numbers of objects by kind of shape, detectors left out.
 fn shapes(loaded: &Loaded) -> BTreeMap<&'static str, usize> {
     let mut counts = BTreeMap::new();
-    for (instance, object) in loaded.scene.accel.instances().iter().zip(&loaded.scene.objects) {
+    for (instance, object) in loaded
+        .scene
+        .accel
+        .instances()
+        .iter()
+        .zip(&loaded.scene.objects)
+    {
         if object.sensor.is_none() {
             *counts.entry(shape_kind(&instance.shape)).or_default() += 1;
         }
@@ -63,14 +73,28 @@ fn shapes(loaded: &Loaded) -> BTreeMap<&'static str, usize> {
 }
 
 fn triangles(loaded: &Loaded) -> usize {
-    let count = |shape: &Shape| if let Shape::Mesh(mesh) = shape { mesh.triangle_count() } else { 0 };
-    loaded.scene.accel.instances().iter().map(|i| count(&i.shape)).sum()
+    let count = |shape: &Shape| {
+        if let Shape::Mesh(mesh) = shape {
+            mesh.triangle_count()
+        } else {
+            0
+        }
+    };
+    loaded
+        .scene
+        .accel
+        .instances()
+        .iter()
+        .map(|i| count(&i.shape))
+        .sum()
 }
 
 /// Bytes of the XYZ films of all sensors, each in full.
 fn films_bytes(loaded: &Loaded) -> u64 {
     let sizes = loaded.scene.sensors.iter().map(|s| s.camera.resolution());
-    sizes.map(|r| film_bytes(u64::from(r.width) * u64::from(r.height), 3)).sum()
+    sizes
+        .map(|r| film_bytes(u64::from(r.width) * u64::from(r.height), 3))
+        .sum()
 }
 
 fn to_text(loaded: &Loaded) -> String {
@@ -78,23 +102,47 @@ fn to_text(loaded: &Loaded) -> String {
     let mut text = String::from("sensors\n");
     for sensor in &scene.sensors {
         let size = sensor.camera.resolution();
-        _ = writeln!(text, "  {:<13} {}, {} x {} pixels", sensor.name, camera_kind(&sensor.camera), size.width, size.height);
+        _ = writeln!(
+            text,
+            "  {:<13} {}, {} x {} pixels",
+            sensor.name,
+            camera_kind(&sensor.camera),
+            size.width,
+            size.height
+        );
     }
     text += "objects\n";
     for (kind, count) in shapes(loaded) {
-        let triangles = if kind == "mesh" { format!(", {} triangles", triangles(loaded)) } else { String::new() };
+        let triangles = if kind == "mesh" {
+            format!(", {} triangles", triangles(loaded))
+        } else {
+            String::new()
+        };
         _ = writeln!(text, "  {kind:<13} {count}{triangles}");
     }
     text += "lights\n";
     for (light, name) in scene.lights.iter().zip(&scene.light_names) {
-        let hidden = if light.is_delta() { ", only light paths can start there" } else { "" };
+        let hidden = if light.is_delta() {
+            ", only light paths can start there"
+        } else {
+            ""
+        };
         _ = writeln!(text, "  {name:<13} {}{hidden}", light_kind(light));
     }
     text += "media\n";
     for medium in &scene.media {
         let ior = &medium.ior;
-        _ = write!(text, "  {:<13} {}, n_d {}, V_d {}", medium.name, ior.name(), glass::index_d(ior), glass::abbe_number(ior));
-        let range = ior.fitted_range_nm().map_or_else(String::new, |[a, b]| format!(", fitted over {a:.0}..{b:.0} nm"));
+        _ = write!(
+            text,
+            "  {:<13} {}, n_d {}, V_d {}",
+            medium.name,
+            ior.name(),
+            glass::index_d(ior),
+            glass::abbe_number(ior)
+        );
+        let range = ior.fitted_range_nm().map_or_else(String::new, |[a, b]| {
+            format!(", fitted over {a:.0}..{b:.0} nm")
+        });
         _ = write!(text, "{range}");
         for [a, b] in extrapolated(loaded, ior) {
             _ = write!(text, ", extrapolated over {a:.0}..{b:.0} nm");
@@ -103,7 +151,12 @@ fn to_text(loaded: &Loaded) -> String {
     }
     text += &summary::effects(&scene.effects);
     let (films, meshes) = (films_bytes(loaded), geometry_bytes(scene));
-    _ = writeln!(text, "memory\n  films         {}\n  meshes        {}", bytes_text(films), bytes_text(meshes));
+    _ = writeln!(
+        text,
+        "memory\n  films         {}\n  meshes        {}",
+        bytes_text(films),
+        bytes_text(meshes)
+    );
     text
 }
 

@@ -21,7 +21,8 @@ impl Interrupt {
                 std::process::exit(i32::from(INTERRUPTED));
             }
         };
-        ctrlc::set_handler(handler).map_err(|e| CliError::Failed(format!("cannot listen for interrupts: {e}")))?;
+        ctrlc::set_handler(handler)
+            .map_err(|e| CliError::Failed(format!("cannot listen for interrupts: {e}")))?;
         Ok(interrupt)
     }
 

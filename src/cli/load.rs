@@ -30,7 +30,10 @@ pub struct Loaded {
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Loaded, CliError> {
     let file = scene_file::load(path, overrides)?;
     let wavelengths = file.description.wavelengths.clone();
-    let scene = Scene::build(file.description).map_err(|source| CliError::Build { path: path.to_owned(), source })?;
+    let scene = Scene::build(file.description).map_err(|source| CliError::Build {
+        path: path.to_owned(),
+        source,
+    })?;
     Ok(Loaded {
         scene,
         settings: file.settings,
@@ -55,7 +58,9 @@ fn filter_name(filter: &Filter) -> String {
     match filter {
         Filter::Box => "box".to_owned(),
         Filter::Tent { radius } => format!("tent, radius {radius} pixels"),
-        Filter::Gaussian { sigma, radius } => format!("gaussian, sigma {sigma}, radius {radius} pixels"),
+        Filter::Gaussian { sigma, radius } => {
+            format!("gaussian, sigma {sigma}, radius {radius} pixels")
+        }
     }
 }
 
@@ -85,9 +90,14 @@ impl Loaded {
             Heuristic::Balance => "balance",
             Heuristic::Power2 => "power2",
         };
-        let max_depth = settings.max_depth.map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
+        let max_depth = settings
+            .max_depth
+            .map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
         [
-            ("integrator", integrator_name(settings.integrator).to_owned()),
+            (
+                "integrator",
+                integrator_name(settings.integrator).to_owned(),
+            ),
             ("heuristic", heuristic.to_owned()),
             ("lanes", settings.lanes.to_string()),
             ("maxDepth", max_depth),
@@ -104,7 +114,11 @@ impl Loaded {
     #[must_use]
     pub fn settings_hash(&self, sensor: usize) -> u64 {
         // the debug text names every setting, also those that the image does not
-        let settings = Settings { spp: 0, seed: 0, ..self.settings.clone() };
+        let settings = Settings {
+            spp: 0,
+            seed: 0,
+            ..self.settings.clone()
+        };
         hash_bytes(format!("{settings:?} {:?}", self.image_attributes(sensor)).as_bytes())
     }
 }

@@ -9,28 +9,46 @@ use crate::io::part::{self, Part, PartError};
 /// Runs the command.
 pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
     let preview = (!options.no_preview).then(|| preview_path(&options.output));
-    for path in [Some(&options.output), preview.as_ref(), options.part.as_ref()].into_iter().flatten() {
-        check_writable(path).map_err(|e| CliError::Failed(e.to_string()))?;
+    for path in [
+        Some(&options.output),
+        preview.as_ref(),
+        options.part.as_ref(),
+    ]
+    .into_iter()
+    .flatten()
+    {
+        check_writable(path)?;
     }
-    let parts: Vec<Part> = options.parts.iter().map(|p| part::read(p)).collect::<Result<_, PartError>>().map_err(failed)?;
-    let merged = part::merge(parts).map_err(failed)?;
+    let parts: Vec<Part> = options
+        .parts
+        .iter()
+        .map(|p| part::read(p))
+        .collect::<Result<_, PartError>>()?;
+    let merged = part::merge(parts)?;
     if merged.header.channels != 3 {
-        return Err(CliError::Failed(format!("the parts have {} channels, not X, Y and Z", merged.header.channels)));
+        return Err(CliError::Failed(format!(
+            "the parts have {} channels, not X, Y and Z",
+            merged.header.channels
+        )));
     }
     let film = film_of(&merged)?;
     let image = xyz_image(&film, &merged.header);
-    write_image(&options.output, &image, preview.as_deref(), options.exposure)?;
+    write_image(
+        &options.output,
+        &image,
+        preview.as_deref(),
+        options.exposure,
+    )?;
     let passes = merged.header.pass_count();
     if let Some(path) = &options.part {
         write_part(path, &film, merged.header)?;
     }
     if !options.quiet {
-        print(&format!("{}: {} parts, {passes} passes\n", options.output.display(), options.parts.len()));
+        print(&format!(
+            "{}: {} parts, {passes} passes\n",
+            options.output.display(),
+            options.parts.len()
+        ));
     }
     Ok(Outcome::Done)
-}
-
-#[allow(clippy::needless_pass_by_value)] // used with map_err
-fn failed(error: PartError) -> CliError {
-    CliError::Failed(error.to_string())
 }

@@ -2,7 +2,8 @@
 
 use super::args::{Aov, RenderOptions};
 use super::image_output::{
-    add_layers, film_of, guides_for, preview_path, spectral_image, write_image, write_part, xyz_image,
+    add_layers, film_of, guides_for, preview_path, spectral_image, write_image, write_part,
+    xyz_image,
 };
 use super::interrupt::Interrupt;
 use super::load::{self, Loaded};
@@ -18,8 +19,9 @@ use crate::render::guides::Guide;
 use crate::render::stop::{StopReason, StopRules};
 use crate::render::{OutputRequest, Render};
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// The image is rewritten at least this often.
@@ -49,26 +51,46 @@ struct Job<'a> {
 pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
     let loaded = load::load(&options.scene, &options.scene_overrides())?;
     let sensors = chosen_sensors(options, &loaded)?;
-    let targets: Vec<Targets> = sensors.iter().map(|&s| targets(options, &loaded, s, sensors.len() > 1)).collect();
+    let targets: Vec<Targets> = sensors
+        .iter()
+        .map(|&s| targets(options, &loaded, s, sensors.len() > 1))
+        .collect();
     check_targets(options, &targets)?;
-    let crops = sensors.iter().map(|&s| crop(options, &loaded, s)).collect::<Result<Vec<_>, _>>()?;
+    let crops = sensors
+        .iter()
+        .map(|&s| crop(options, &loaded, s))
+        .collect::<Result<Vec<_>, _>>()?;
     let request = output_request(options, &loaded);
     check_memory(options, &loaded, &request, &crops)?;
+    // from here on: the first output says that an interrupt is safe
+    let interrupt = Interrupt::listen()?;
     if !options.quiet {
         for warning in &loaded.warnings {
             eprintln!("warning: {warning}");
         }
         print(&summary::effects(&loaded.scene.effects));
     }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.map_or(0, usize::from)).build();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(options.threads.map_or(0, usize::from))
+        .build();
     let pool = pool.map_err(|e| CliError::Failed(format!("cannot start threads: {e}")))?;
-    let endless = options.spp.is_none() && (options.time.is_some() || options.target_error.is_some());
+    let endless =
+        options.spp.is_none() && (options.time.is_some() || options.target_error.is_some());
     let job = Job {
         options,
         request,
-        passes: options.passes.clone().unwrap_or(0..if endless { NO_LIMIT } else { loaded.settings.spp }),
-        rules: StopRules { time: options.time.map(duration), target_error: options.target_error },
-        interrupt: Interrupt::listen()?,
+        passes: options.passes.clone().unwrap_or(
+            0..if endless {
+                NO_LIMIT
+            } else {
+                loaded.settings.spp
+            },
+        ),
+        rules: StopRules {
+            time: options.time.map(duration),
+            target_error: options.target_error,
+        },
+        interrupt,
         loaded: &loaded,
     };
     let threads = pool.current_num_threads();
@@ -91,38 +113,67 @@ fn chosen_sensors(options: &RenderOptions, loaded: &Loaded) -> Result<Vec<usize>
         None => (0..scene.sensors.len()).collect(),
         Some(name) => {
             let names: Vec<&str> = scene.sensors.iter().map(|s| s.name.as_str()).collect();
-            let unknown = || CliError::Usage(format!("unknown sensor \"{name}\" (the scene has: {})", names.join(", ")));
+            let unknown = || {
+                CliError::Usage(format!(
+                    "unknown sensor \"{name}\" (the scene has: {})",
+                    names.join(", ")
+                ))
+            };
             vec![scene.sensor_index(name).ok_or_else(unknown)?]
         }
     };
     if options.part.is_some() && sensors.len() > 1 {
-        return Err(CliError::Usage(format!("--part holds one sensor, the scene has {}: add --sensor NAME", sensors.len())));
+        return Err(CliError::Usage(format!(
+            "--part holds one sensor, the scene has {}: add --sensor NAME",
+            sensors.len()
+        )));
     }
     Ok(sensors)
 }
 
 fn targets(options: &RenderOptions, loaded: &Loaded, sensor: usize, several: bool) -> Targets {
-    let default = || PathBuf::from(options.scene.file_stem().unwrap_or_default()).with_added_extension("exr");
-    let mut image = options.output.clone().unwrap_or_else(default);
+    let named = |stem: &Path, suffixes: &[&OsStr]| {
+        let mut name = stem.file_stem().unwrap_or_default().to_owned();
+        for suffix in suffixes {
+            name.push(".");
+            name.push(suffix);
+        }
+        PathBuf::from(name)
+    };
+    let mut image = options
+        .output
+        .clone()
+        .unwrap_or_else(|| named(&options.scene, &["exr".as_ref()]));
     if several {
-        let extension = image.extension().unwrap_or_default().to_owned();
-        image = image.with_extension("").with_added_extension(&loaded.scene.sensors[sensor].name).with_added_extension(extension);
+        let sensor = loaded.scene.sensors[sensor].name.as_ref();
+        let extension = image.extension().unwrap_or("exr".as_ref()).to_owned();
+        image = image.with_file_name(named(&image, &[sensor, &extension]));
     }
     Targets {
         preview: (!options.no_preview).then(|| preview_path(&image)),
-        spectral: options.spectral.map(|_| image.with_extension("spectral.exr")),
+        spectral: options
+            .spectral
+            .map(|_| image.with_extension("spectral.exr")),
         image,
     }
 }
 
 /// All places are tried before hours are spent.
 fn check_targets(options: &RenderOptions, targets: &[Targets]) -> Result<(), CliError> {
-    let images = targets.iter().flat_map(|t| [Some(&t.image), t.preview.as_ref(), t.spectral.as_ref()]);
+    let images = targets
+        .iter()
+        .flat_map(|t| [Some(&t.image), t.preview.as_ref(), t.spectral.as_ref()]);
     let mut seen = BTreeSet::new();
-    for path in images.chain([options.part.as_ref(), options.stats.as_ref()]).flatten() {
-        check_writable(path).map_err(|e| CliError::Failed(e.to_string()))?;
+    for path in images
+        .chain([options.part.as_ref(), options.stats.as_ref()])
+        .flatten()
+    {
+        check_writable(path)?;
         if !seen.insert(path) {
-            return Err(CliError::Usage(format!("{} would be written twice", path.display())));
+            return Err(CliError::Usage(format!(
+                "{} would be written twice",
+                path.display()
+            )));
         }
     }
     Ok(())
@@ -132,7 +183,12 @@ fn crop(options: &RenderOptions, loaded: &Loaded, sensor: usize) -> Result<Crop,
     let sensor = &loaded.scene.sensors[sensor];
     let size = sensor.camera.resolution();
     match options.crop {
-        None => Ok(Crop { x0: 0, y0: 0, x1: size.width, y1: size.height }),
+        None => Ok(Crop {
+            x0: 0,
+            y0: 0,
+            x1: size.width,
+            y1: size.height,
+        }),
         Some(crop) if crop.x1 <= size.width && crop.y1 <= size.height => Ok(crop),
         Some(crop) => Err(CliError::Usage(format!(
             "crop {},{},{},{} reaches beyond sensor \"{}\" of {} x {} pixels",
@@ -144,9 +200,19 @@ fn crop(options: &RenderOptions, loaded: &Loaded, sensor: usize) -> Result<Crop,
 fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
     let spectral = options.spectral.map(|bins| {
         let lines = loaded.scene.wavelengths.atoms().map(|(nm, _)| nm).collect();
-        SensorResponse::Spectral(SpectralChannels::new(loaded.range_nm, usize::from(bins), lines))
+        SensorResponse::Spectral(SpectralChannels::new(
+            loaded.range_nm,
+            usize::from(bins),
+            lines,
+        ))
     });
-    let class = |a: &Aov| if let Aov::Class(regex) = a { Some(regex.clone()) } else { None };
+    let class = |a: &Aov| {
+        if let Aov::Class(regex) = a {
+            Some(regex.clone())
+        } else {
+            None
+        }
+    };
     OutputRequest {
         response: match loaded.units {
             OutputUnits::Radiance => SensorResponse::Xyz,
@@ -159,21 +225,43 @@ fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
     }
 }
 
-fn check_memory(options: &RenderOptions, loaded: &Loaded, request: &OutputRequest, crops: &[Crop]) -> Result<(), CliError> {
-    let Some(limit) = options.max_memory else { return Ok(()) };
-    let channels = 3 * (1 + request.classes.len()) + request.spectral.as_ref().map_or(0, SensorResponse::channels);
+fn check_memory(
+    options: &RenderOptions,
+    loaded: &Loaded,
+    request: &OutputRequest,
+    crops: &[Crop],
+) -> Result<(), CliError> {
+    let Some(limit) = options.max_memory else {
+        return Ok(());
+    };
+    let channels = 3 * (1 + request.classes.len())
+        + request
+            .spectral
+            .as_ref()
+            .map_or(0, SensorResponse::channels);
     // sensors are rendered one after the other
-    let films = crops.iter().map(|c| film_bytes(c.pixels(), channels as u64)).max().unwrap_or(0);
+    let films = crops
+        .iter()
+        .map(|c| film_bytes(c.pixels(), channels as u64))
+        .max()
+        .unwrap_or(0);
     let needed = films.saturating_add(geometry_bytes(&loaded.scene));
     if needed <= limit {
         return Ok(());
     }
     let (needed, limit) = (bytes_text(needed), bytes_text(limit));
-    Err(CliError::Failed(format!("films and meshes need {needed}, --max-memory allows {limit}")))
+    Err(CliError::Failed(format!(
+        "films and meshes need {needed}, --max-memory allows {limit}"
+    )))
 }
 
 impl Job<'_> {
-    fn render_all(&self, sensors: &[usize], crops: &[Crop], targets: &[Targets]) -> Result<(Outcome, Vec<SensorStats>), CliError> {
+    fn render_all(
+        &self,
+        sensors: &[usize],
+        crops: &[Crop],
+        targets: &[Targets],
+    ) -> Result<(Outcome, Vec<SensorStats>), CliError> {
         let mut all = Vec::new();
         for ((&sensor, &crop), targets) in sensors.iter().zip(crops).zip(targets) {
             let stats = self.render_sensor(sensor, crop, targets)?;
@@ -186,8 +274,15 @@ impl Job<'_> {
         Ok((Outcome::Done, all))
     }
 
-    fn render_sensor(&self, sensor: usize, crop: Crop, targets: &Targets) -> Result<SensorStats, CliError> {
-        let Self { options, loaded, .. } = self;
+    fn render_sensor(
+        &self,
+        sensor: usize,
+        crop: Crop,
+        targets: &Targets,
+    ) -> Result<SensorStats, CliError> {
+        let Self {
+            options, loaded, ..
+        } = self;
         let start = Instant::now();
         let cpu_start = super::usage::cpu_seconds();
         let mut render = Render::new(&loaded.scene, sensor, &loaded.settings, crop, &self.request);
@@ -197,7 +292,12 @@ impl Job<'_> {
         let guides = guides_for(&options.aov, &loaded.scene, sensor, &render);
         let done: BTreeSet<u32> = render.passes().iter().copied().collect();
         let todo = || self.passes.clone().filter(|p| !done.contains(p));
-        let progress = Progress::new(&loaded.scene.sensors[sensor].name, todo().count() as u64, &self.rules, options.quiet);
+        let progress = Progress::new(
+            &loaded.scene.sensors[sensor].name,
+            todo().count() as u64,
+            &self.rules,
+            options.quiet,
+        );
         let mut stop = StopReason::Passes;
         let mut saved = Instant::now();
         let mut todo = todo().zip(1_u64..).peekable();
@@ -205,7 +305,11 @@ impl Job<'_> {
             let pass_start = Instant::now();
             render.add_pass(pass);
             let counters = render.counters();
-            progress.update(count, counters.closest_rays + counters.shadow_rays, start.elapsed());
+            progress.update(
+                count,
+                counters.closest_rays + counters.shadow_rays,
+                start.elapsed(),
+            );
             // an interrupt during the last pass changes nothing
             if todo.peek().is_none() {
                 break;
@@ -213,7 +317,10 @@ impl Job<'_> {
             let reason = if self.interrupt.is_set() {
                 Some(StopReason::Interrupted)
             } else {
-                self.rules.check(render.passes().len(), start.elapsed(), || render.relative_error())
+                self.rules
+                    .check(render.passes().len(), start.elapsed(), || {
+                        render.relative_error()
+                    })
             };
             if let Some(reason) = reason {
                 stop = reason;
@@ -226,9 +333,18 @@ impl Job<'_> {
         }
         drop(progress);
         self.save(sensor, &render, &guides, targets)?;
-        let stats = SensorStats::new(&loaded.scene.sensors[sensor].name, &render, stop, start.elapsed(), cpu_start);
+        let stats = SensorStats::new(
+            &loaded.scene.sensors[sensor].name,
+            &render,
+            stop,
+            start.elapsed(),
+            cpu_start,
+        );
         if !options.quiet {
-            let exposure = targets.preview.as_deref().map(|path| (path, options.exposure));
+            let exposure = targets
+                .preview
+                .as_deref()
+                .map(|path| (path, options.exposure));
             print(&summary::sensor(&targets.image, exposure, &stats));
         }
         Ok(stats)
@@ -236,26 +352,48 @@ impl Job<'_> {
 
     /// Continues with what the part file holds, if it is there.
     fn resume(&self, sensor: usize, render: &mut Render) -> Result<(), CliError> {
-        let Some(path) = self.options.part.as_deref().filter(|p| p.exists()) else { return Ok(()) };
-        let found = part::read(path).map_err(|e| CliError::Failed(e.to_string()))?;
+        let Some(path) = self.options.part.as_deref().filter(|p| p.exists()) else {
+            return Ok(());
+        };
+        let found = part::read(path)?;
         let seed = self.loaded.settings.seed;
         if found.header.passes.iter().any(|p| p.seed != seed) {
-            return Err(CliError::file(path, format!("cannot resume: it holds passes of another seed than {seed}")));
+            return Err(CliError::file(
+                path,
+                format!("cannot resume: it holds passes of another seed than {seed}"),
+            ));
         }
-        let expected = PartHeader { passes: found.header.passes.clone(), ..self.header(sensor, render) };
+        let expected = PartHeader {
+            passes: found.header.passes.clone(),
+            ..self.header(sensor, render)
+        };
         if found.header != expected {
             let what = [
-                ("version of the program", found.header.version == expected.version),
+                (
+                    "version of the program",
+                    found.header.version == expected.version,
+                ),
                 ("scene", found.header.scene_hash == expected.scene_hash),
                 ("sensor", found.header.sensor == expected.sensor),
                 ("crop", found.header.crop == expected.crop),
             ];
             let what = what.iter().find(|w| !w.1).map_or("settings", |w| w.0);
-            return Err(CliError::file(path, format!("cannot resume: it was made with another {what}")));
+            return Err(CliError::file(
+                path,
+                format!("cannot resume: it was made with another {what}"),
+            ));
         }
-        let passes: Vec<u32> = found.header.passes.iter().flat_map(|p| p.start..p.end).map(|p| p as u32).collect();
+        let passes: Vec<u32> = found
+            .header
+            .passes
+            .iter()
+            .flat_map(|p| p.start..p.end)
+            .map(|p| p as u32)
+            .collect();
         let film = film_of(&found)?;
-        render.restore(&passes, &film.sums()).map_err(|e| CliError::file(path, e))
+        render
+            .restore(&passes, &film.sums())
+            .map_err(|e| CliError::file(path, e.to_string()))
     }
 
     fn header(&self, sensor: usize, render: &Render) -> PartHeader {
@@ -275,14 +413,25 @@ impl Job<'_> {
         }
     }
 
-    fn save(&self, sensor: usize, render: &Render, guides: &[Guide], targets: &Targets) -> Result<(), CliError> {
+    fn save(
+        &self,
+        sensor: usize,
+        render: &Render,
+        guides: &[Guide],
+        targets: &Targets,
+    ) -> Result<(), CliError> {
         let header = self.header(sensor, render);
         if header.passes.is_empty() {
             return Err(CliError::Failed("there is no pass to render".to_owned()));
         }
         let mut image = xyz_image(&render.outputs().image, &header);
         add_layers(&mut image, &self.options.aov, render, guides);
-        write_image(&targets.image, &image, targets.preview.as_deref(), self.options.exposure)?;
+        write_image(
+            &targets.image,
+            &image,
+            targets.preview.as_deref(),
+            self.options.exposure,
+        )?;
         if let (Some(path), Some(image)) = (&targets.spectral, spectral_image(render, &header)) {
             write_image(path, &image, None, 0.0)?;
         }
@@ -301,7 +450,11 @@ fn pass_ranges(passes: &[u32], seed: u64) -> Vec<PassRange> {
     for pass in sorted {
         match ranges.last_mut().filter(|r| r.end == pass) {
             Some(range) => range.end += 1,
-            None => ranges.push(PassRange { seed, start: pass, end: pass + 1 }),
+            None => ranges.push(PassRange {
+                seed,
+                start: pass,
+                end: pass + 1,
+            }),
         }
     }
     ranges
@@ -313,9 +466,16 @@ mod tests {
 
     #[test]
     fn passes_become_ranges() {
-        let range = |start, end| PassRange { seed: 7, start, end };
+        let range = |start, end| PassRange {
+            seed: 7,
+            start,
+            end,
+        };
         assert_eq!(pass_ranges(&[], 7), []);
-        assert_eq!(pass_ranges(&[5, 0, 1, 2, 6, 9], 7), [range(0, 3), range(5, 7), range(9, 10)]);
+        assert_eq!(
+            pass_ranges(&[5, 0, 1, 2, 6, 9], 7),
+            [range(0, 3), range(5, 7), range(9, 10)]
+        );
     }
 
     #[test]

@@ -42,7 +42,13 @@ pub struct SensorStats {
 impl SensorStats {
     /// At the end of a render that began `wall` ago.
     #[must_use]
-    pub fn new(name: &str, render: &Render, stop: StopReason, wall: Duration, cpu_start: Option<f64>) -> Self {
+    pub fn new(
+        name: &str,
+        render: &Render,
+        stop: StopReason,
+        wall: Duration,
+        cpu_start: Option<f64>,
+    ) -> Self {
         let crop = render.crop();
         let outputs = render.outputs();
         let rejected = outputs.image.rejected();
@@ -118,7 +124,12 @@ pub fn effects_json(loaded: &Loaded) -> Value {
 ///
 /// # Errors
 /// Where the file cannot be written.
-pub fn write(path: &Path, loaded: &Loaded, threads: usize, sensors: &[SensorStats]) -> Result<(), CliError> {
+pub fn write(
+    path: &Path,
+    loaded: &Loaded,
+    threads: usize,
+    sensors: &[SensorStats],
+) -> Result<(), CliError> {
     let value = json!({
         "version": VERSION,
         "scene_hash": format!("{:016x}", loaded.scene.hash),
@@ -130,5 +141,5 @@ pub fn write(path: &Path, loaded: &Loaded, threads: usize, sensors: &[SensorStat
         "peak_memory_bytes": peak_memory_bytes(),
         "sensors": sensors.iter().map(SensorStats::json).collect::<Vec<_>>(),
     });
-    write_atomic(path, |w| writeln!(w, "{value:#}")).map_err(|e| CliError::Failed(e.to_string()))
+    Ok(write_atomic(path, |w| writeln!(w, "{value:#}"))?)
 }

@@ -8,7 +8,14 @@ use std::path::Path;
 /// The effects of a scene, one line each.
 #[must_use]
 pub fn effects(effects: &[Effect]) -> String {
-    let line = |e: &Effect| format!("  {:<13} {:<4} {}\n", e.name, if e.on { "on" } else { "off" }, e.reason);
+    let line = |e: &Effect| {
+        format!(
+            "  {:<13} {:<4} {}\n",
+            e.name,
+            if e.on { "on" } else { "off" },
+            e.reason
+        )
+    };
     format!("effects\n{}", effects.iter().map(line).collect::<String>())
 }
 
@@ -23,20 +30,40 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
         stats.stop.text()
     );
     if let Some((path, exposure_ev)) = preview {
-        _ = writeln!(text, "  preview   {}, exposure {exposure_ev:+} EV", path.display());
+        _ = writeln!(
+            text,
+            "  preview   {}, exposure {exposure_ev:+} EV",
+            path.display()
+        );
     }
     let wall = stats.wall.as_secs_f64();
-    let cpu = stats.cpu_seconds.map_or_else(String::new, |s| format!(", {s:.2} s CPU"));
+    let cpu = stats
+        .cpu_seconds
+        .map_or_else(String::new, |s| format!(", {s:.2} s CPU"));
     _ = writeln!(text, "  time      {wall:.2} s{cpu}");
-    let (rays, rate) = (stats.rays() as f64 * 1e-6, stats.rays() as f64 * 1e-6 / wall.max(1e-9));
+    let (rays, rate) = (
+        stats.rays() as f64 * 1e-6,
+        stats.rays() as f64 * 1e-6 / wall.max(1e-9),
+    );
     _ = writeln!(text, "  rays      {rays:.3} million, {rate:.3} million/s");
-    let error = stats.relative_error.map_or_else(|| "unknown".to_owned(), |e| format!("{:.2} %", 100.0 * e));
+    let error = stats
+        .relative_error
+        .map_or_else(|| "unknown".to_owned(), |e| format!("{:.2} %", 100.0 * e));
     _ = writeln!(text, "  error     {error} (estimated, relative)");
     let trouble = [
-        (stats.non_finite, "contributions were not finite and left out"),
+        (
+            stats.non_finite,
+            "contributions were not finite and left out",
+        ),
         (stats.saturated, "contributions were too large and left out"),
-        (stats.counters.medium_mismatches, "surfaces were met from an unexpected medium (is a solid open?)"),
-        (stats.counters.nesting_overflows, "paths were cut because too many solids are nested"),
+        (
+            stats.counters.medium_mismatches,
+            "surfaces were met from an unexpected medium (is a solid open?)",
+        ),
+        (
+            stats.counters.nesting_overflows,
+            "paths were cut because too many solids are nested",
+        ),
     ];
     for (count, what) in trouble.iter().filter(|t| t.0 > 0) {
         _ = writeln!(text, "  warning   {count} {what}");

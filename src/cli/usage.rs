@@ -29,13 +29,20 @@ pub fn peak_memory_bytes() -> Option<u64> {
 
 fn parse_peak_memory(status: &str) -> Option<u64> {
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+    line.trim()
+        .strip_suffix("kB")?
+        .trim()
+        .parse::<u64>()
+        .ok()?
+        .checked_mul(1024)
 }
 
 /// Bytes of a film: two halves of a sum per channel.
 #[must_use]
 pub fn film_bytes(pixels: u64, channels: u64) -> u64 {
-    pixels.saturating_mul(channels).saturating_mul(2 * size_of::<FixedSum>() as u64)
+    pixels
+        .saturating_mul(channels)
+        .saturating_mul(2 * size_of::<FixedSum>() as u64)
 }
 
 /// Bytes of the meshes of a scene, shared ones once.
@@ -62,7 +69,11 @@ pub fn bytes_text(bytes: u64) -> String {
         return format!("{bytes} B");
     }
     let power = (bytes.ilog2() / 10).min(4);
-    format!("{:.1} {}", bytes as f64 / f64::from(10 * power).exp2(), UNITS[power as usize - 1])
+    format!(
+        "{:.1} {}",
+        bytes as f64 / f64::from(10 * power).exp2(),
+        UNITS[power as usize - 1]
+    )
 }
 
 #[cfg(test)]
@@ -74,13 +85,22 @@ mod tests {
         let stat = "7 (a b) c) R 1 7 7 0 -1 4 88 0 0 0 150 50 0 0 20 0 1 0 100 0 0";
         assert_eq!(parse_cpu_seconds(stat), Some(2.0));
         assert_eq!(parse_cpu_seconds("7 (a) R 1"), None);
-        assert_eq!(parse_peak_memory("VmPeak:\t 9 kB\nVmHWM:\t    2048 kB\n"), Some(2 << 20));
+        assert_eq!(
+            parse_peak_memory("VmPeak:\t 9 kB\nVmHWM:\t    2048 kB\n"),
+            Some(2 << 20)
+        );
         assert_eq!(parse_peak_memory("VmPeak:\t 9 kB\n"), None);
     }
 
     #[test]
     fn bytes_in_words() {
-        let cases = [(0, "0 B"), (1023, "1023 B"), (1024, "1.0 KiB"), (3 << 19, "1.5 MiB"), (5 << 30, "5.0 GiB")];
+        let cases = [
+            (0, "0 B"),
+            (1023, "1023 B"),
+            (1024, "1.0 KiB"),
+            (3 << 19, "1.5 MiB"),
+            (5 << 30, "5.0 GiB"),
+        ];
         for (bytes, text) in cases {
             assert_eq!(bytes_text(bytes), text);
         }

@@ -161,6 +161,19 @@ impl Film {
             self.not_finite.fetch_add(1, Relaxed);
             return;
         }
+        for (x, y, weight) in self.reached_by(raster) {
+            self.add_scaled(x, y, half, values, weight);
+        }
+    }
+
+    /// How much of a splat lands on the film: 1 well inside, less at the border, 0 out of reach.
+    #[must_use]
+    pub fn coverage(&self, raster: DVec2) -> f64 {
+        self.reached_by(raster).map(|(_, _, weight)| weight).sum()
+    }
+
+    /// The pixels in the filter's reach of a finite raster position, with the filter's value there.
+    fn reached_by(&self, raster: DVec2) -> impl Iterator<Item = (u32, u32, f64)> + '_ {
         // pixels whose offset is in [-radius, radius): exactly one for the box
         let reach = |raster: f64, first: u32, end: u32| {
             let low = (raster - 0.5 - self.filter.radius()).floor() + 1.0;
@@ -168,15 +181,14 @@ impl Film {
             // saturating casts: far positions give an empty range
             (low.max(0.0) as u32).max(first)..(high.max(0.0) as u32).min(end)
         };
-        for y in reach(raster.y, self.crop.y0, self.crop.y1) {
-            for x in reach(raster.x, self.crop.x0, self.crop.x1) {
+        let columns = reach(raster.x, self.crop.x0, self.crop.x1);
+        reach(raster.y, self.crop.y0, self.crop.y1)
+            .flat_map(move |y| columns.clone().map(move |x| (x, y)))
+            .map(move |(x, y)| {
                 let center = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
-                let weight = self.filter.eval(raster - center);
-                if weight > 0.0 {
-                    self.add_scaled(x, y, half, values, weight);
-                }
-            }
-        }
+                (x, y, self.filter.eval(raster - center))
+            })
+            .filter(|pixel| pixel.2 > 0.0)
     }
 
     fn add_scaled(&self, x: u32, y: u32, half: usize, values: &[f64], scale: f64) {

@@ -9,7 +9,9 @@ const START: usize = 8;
 
 /// Sorts the attributes of the one header of an encoded image. Bytes that are no such header stay as they are.
 pub fn sort_attributes(file: &mut [u8]) {
-    let Some(mut attributes) = attributes(file) else { return };
+    let Some(mut attributes) = attributes(file) else {
+        return;
+    };
     let end = START + attributes.iter().map(|a| a.1.len()).sum::<usize>();
     attributes.sort();
     let sorted: Vec<u8> = attributes.into_iter().flat_map(|a| a.1).collect();
@@ -25,8 +27,14 @@ fn attributes(file: &[u8]) -> Option<Vec<(Vec<u8>, Vec<u8>)>> {
         let name = text_length(rest)?;
         let kind = text_length(rest.get(name + 1..)?)?;
         let head = name + kind + 2;
-        let length = rest.get(head..head + 4)?.try_into().ok().map(i32::from_le_bytes)?;
-        let total = head.checked_add(4)?.checked_add(usize::try_from(length).ok()?)?;
+        let length = rest
+            .get(head..head + 4)?
+            .try_into()
+            .ok()
+            .map(i32::from_le_bytes)?;
+        let total = head
+            .checked_add(4)?
+            .checked_add(usize::try_from(length).ok()?)?;
         found.push((rest[..name].to_vec(), rest.get(..total)?.to_vec()));
         rest = &rest[total..];
     }
@@ -40,7 +48,15 @@ mod tests {
     fn file(attributes: &[(&str, &str)]) -> Vec<u8> {
         let mut bytes = b"magicver".to_vec();
         for (name, value) in attributes {
-            bytes.extend([name.as_bytes(), b"\0string\0", &(value.len() as i32).to_le_bytes(), value.as_bytes()].concat());
+            bytes.extend(
+                [
+                    name.as_bytes(),
+                    b"\0string\0",
+                    &(value.len() as i32).to_le_bytes(),
+                    value.as_bytes(),
+                ]
+                .concat(),
+            );
         }
         bytes.extend(b"\0pixels b a");
         bytes

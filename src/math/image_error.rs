@@ -35,10 +35,14 @@ pub struct ImageError {
 /// Compares two images of `width` columns, row by row, of the same length > 0.
 #[must_use]
 pub fn image_error(image: &[f64], reference: &[f64], width: usize) -> ImageError {
-    debug_assert!(image.len() == reference.len() && !image.is_empty() && image.len().is_multiple_of(width));
+    debug_assert!(
+        image.len() == reference.len() && !image.is_empty() && image.len().is_multiple_of(width)
+    );
     let pairs = || image.iter().copied().zip(reference.iter().copied());
     let count = image.len() as f64;
-    let mut relative: Vec<f64> = pairs().map(|(i, r)| (i - r).powi(2) / (r * r + REL_MSE_OFFSET)).collect();
+    let mut relative: Vec<f64> = pairs()
+        .map(|(i, r)| (i - r).powi(2) / (r * r + REL_MSE_OFFSET))
+        .collect();
     let rel_mse = relative.iter().sum::<f64>() / count;
     // images too small for one pixel to be 0.1 % lose none
     let kept = relative.len() - (TRIMMED_SHARE * count) as usize;
@@ -57,13 +61,15 @@ pub fn image_error(image: &[f64], reference: &[f64], width: usize) -> ImageError
 
 fn fireflies(image: &[f64], reference: &[f64], width: usize, mean: f64) -> u64 {
     let height = reference.len() / width;
-    let around = |at: usize, end: usize| at.saturating_sub(NEIGHBORHOOD)..(at + NEIGHBORHOOD + 1).min(end);
+    let around =
+        |at: usize, end: usize| at.saturating_sub(NEIGHBORHOOD)..(at + NEIGHBORHOOD + 1).min(end);
     let is_firefly = |index: usize| {
         let excess = image[index] - reference[index];
         // most pixels are decided without looking around
         excess > FIREFLY_FACTOR * mean && {
             let (x, y) = (index % width, index / width);
-            let rows = around(y, height).flat_map(|row| &reference[row * width..][around(x, width)]);
+            let rows =
+                around(y, height).flat_map(|row| &reference[row * width..][around(x, width)]);
             excess > FIREFLY_FACTOR * rows.copied().fold(mean, f64::max)
         }
     };

@@ -182,7 +182,13 @@ fn render_pixel(
             }
         }
         if frame.with_raw {
-            table.add(contribution, &outputs.response, &wavelengths);
+            let share = match contribution.target {
+                Target::OwnPixel => 1.0,
+                Target::Splat(raster) => outputs.image.coverage(raster),
+            };
+            if share > 0.0 {
+                table.add(contribution, share, &outputs.response, &wavelengths);
+            }
         }
     }
     outputs.image.add_pixel(x, y, half, &own);

@@ -42,12 +42,21 @@ impl StopReason {
 
 impl StopRules {
     /// Whether to stop after `passes` passes and `elapsed` time; `error` is asked for only where it counts.
-    pub fn check(&self, passes: usize, elapsed: Duration, error: impl FnOnce() -> Option<f64>) -> Option<StopReason> {
+    pub fn check(
+        &self,
+        passes: usize,
+        elapsed: Duration,
+        error: impl FnOnce() -> Option<f64>,
+    ) -> Option<StopReason> {
         if self.time.is_some_and(|t| elapsed >= t) {
             return Some(StopReason::Time);
         }
-        let target = self.target_error.filter(|_| passes >= LEAST_PASSES_FOR_ERROR)?;
-        error().is_some_and(|e| e <= target).then_some(StopReason::Error)
+        let target = self
+            .target_error
+            .filter(|_| passes >= LEAST_PASSES_FOR_ERROR)?;
+        error()
+            .is_some_and(|e| e <= target)
+            .then_some(StopReason::Error)
     }
 }
 
@@ -65,11 +74,21 @@ mod tests {
 
     #[test]
     fn time_and_error_stop() {
-        let rules = StopRules { time: Some(2 * SECOND), target_error: Some(0.1) };
+        let rules = StopRules {
+            time: Some(2 * SECOND),
+            target_error: Some(0.1),
+        };
         assert_eq!(rules.check(1, 2 * SECOND, || None), Some(StopReason::Time));
-        assert_eq!(rules.check(3, SECOND, || Some(0.01)), None, "too few passes to know");
+        assert_eq!(
+            rules.check(3, SECOND, || Some(0.01)),
+            None,
+            "too few passes to know"
+        );
         assert_eq!(rules.check(4, SECOND, || Some(0.2)), None);
         assert_eq!(rules.check(4, SECOND, || None), None);
-        assert_eq!(rules.check(4, SECOND, || Some(0.1)), Some(StopReason::Error));
+        assert_eq!(
+            rules.check(4, SECOND, || Some(0.1)),
+            Some(StopReason::Error)
+        );
     }
 }

@@ -117,17 +117,13 @@ impl StreamSampler {
         let set = self.set;
         self.set += 1;
         let counter = u64::from(set) * 4;
-        std::array::from_fn(|i| {
-            let bits = random_bits(self.key, counter + i as u64);
-            if set < SOBOL_SETS {
-                // the sequence gives the leading 23 bits, the hash the rest
-                let dimension = (self.first_set + set) * 4 + i as u32;
-                let leading = sobol_burley::sample(self.index, dimension, self.scramble);
-                f64::from(leading) + unit_f64(bits) * (1.0 / 8_388_608.0)
-            } else {
-                unit_f64(bits)
-            }
-        })
+        let fine: [f64; 4] = std::array::from_fn(|i| unit_f64(random_bits(self.key, counter + i as u64)));
+        if set >= SOBOL_SETS {
+            return fine;
+        }
+        // the sequence gives the leading 23 bits, the hash the rest
+        let leading = sobol_burley::sample_4d(self.index, self.first_set + set, self.scramble);
+        std::array::from_fn(|i| f64::from(leading[i]) + fine[i] * (1.0 / 8_388_608.0))
     }
 }
 

@@ -296,7 +296,8 @@ impl<'a> Joiner<'a> {
         };
         let (pf0, pf1) = self.emission(id, &x0, leaving, cos, distance);
         let direct = if t == 2 && !self.techniques.hittable_sensor {
-            pf0
+            // strategy (1, 1) of an image camera splats starts on area lights only
+            if self.light(id).hit_measure() == HitMeasure::Area { pf0 } else { 0.0 }
         } else {
             self.direct_density(id, x1, &x0)
         };

@@ -98,32 +98,52 @@ fn strategies_agree(name: &str, bdpt: &Measured) {
     assert!(compared >= 2, "{name}: only {compared} strategies could be compared");
 }
 
-#[test]
-fn diffuse_box_with_large_and_small_light() {
-    run(&Case {
-        name: "box",
-        text: BOX,
-        batches: 16,
-        passes: [60, 200, 24],
-        classes: &["LDE", "LDDE", "LDDDE"],
-        resolution: 1.5e-3,
-    });
-}
-
-const BOX: &str = r#"
-[render]
-max_depth = 5
+/// A closed room about the unit of length, seen from inside.
+macro_rules! room {
+    ($settings:literal, $contents:literal) => {
+        concat!(
+            "[render]\n",
+            $settings,
+            r#"
 [[sensor]]
 resolution = [16, 16]
 filter = "gaussian"
-perspective = { eye = [0, 1, 0.95], target = [0, 0.9, 0], fov_deg = 80 }
+perspective = { eye = [0, 1, 0.95], target = [0, 0.9, 0], fov_deg = 80, aperture_radius = 0.02, focus_distance = 1 }
 [material.white]
-diffuse = { reflectance = 0.7 }
+diffuse = { reflectance = 0.6 }
 [material.red]
 diffuse = { reflectance = [0.6, 0.1, 0.1] }
+[material.glass]
+dielectric = {}
+[material.rough]
+dielectric = { roughness = 0.3 }
+[material.metal]
+conductor = { metal = "Au", roughness = 0.3 }
+[material.floor]
+mix = [{ weight = 0.5, diffuse = { reflectance = [0.1, 0.6, 0.1] } }, { weight = 0.5, conductor = { metal = "Cu", roughness = 0.2 } }]
+[material.half_mirror]
+mix = [{ weight = 0.4, mirror = {} }, { weight = 0.5, diffuse = { reflectance = 0.9 } }]
+[medium.flint]
+glass = "schott:N-SF11"
+[medium.crown]
+glass = "schott:N-BK7"
+absorption = { color = [0.3, 0.8, 0.9], distance = 0.5 }
 [[object]]
 box = { min = [-1, 0, -1], max = [1, 2, 1] }
 material = "white"
+"#,
+            $contents
+        )
+    };
+}
+
+#[test]
+fn diffuse_room_with_large_and_small_light() {
+    run(&Case {
+        name: "diffuse room",
+        text: room!(
+            "max_depth = 4",
+            r#"
 [[object]]
 sphere = { center = [0.3, 0.4, 0], radius = 0.4 }
 material = "red"
@@ -131,7 +151,189 @@ material = "red"
 quad = { center = [0, 1.98, 0], u = [0.5, 0, 0], v = [0, 0, 0.5] }
 emission = 5
 [[object]]
-sphere = { center = [-0.6, 0.6, 0.3], radius = 0.05 }
+sphere = { center = [-0.6, 0.6, 0.3], radius = 0.1 }
 material = "white"
-emission = "D65"
-"#;
+emission = { name = "D65", luminance = 4 }
+"#
+        ),
+        batches: 16,
+        passes: [300, 300, 120],
+        classes: &["LE", "LDE", "LDDE", "LDDDE"],
+        resolution: 1.5e-3,
+    });
+}
+
+#[test]
+fn interpolated_normals_and_rough_metal() {
+    run(&Case {
+        name: "interpolated normals",
+        text: room!(
+            "max_depth = 4",
+            r#"
+[[object]]
+mesh = { obj = "assets/smooth_sphere.obj" }
+transform = [{ scale = [0.5, 0.4, 0.5] }, { translate = [-0.3, 0.5, -0.2] }]
+material = "white"
+[[object]]
+mesh = { obj = "assets/smooth_sphere.obj" }
+transform = [{ scale = 0.3 }, { translate = [0.5, 0.4, 0.2] }]
+material = "metal"
+[[object]]
+quad = { center = [0, 1.98, 0], u = [0.6, 0, 0], v = [0, 0, 0.6] }
+emission = 5
+"#
+        ),
+        batches: 16,
+        passes: [300, 300, 120],
+        classes: &["LDE", "LDDE"],
+        resolution: 1.5e-3,
+    });
+}
+
+#[test]
+fn dispersive_and_absorbing_glass_under_a_large_light() {
+    run(&Case {
+        name: "dispersion",
+        text: room!(
+            "max_depth = 6",
+            r#"
+[[object]]
+sphere = { center = [0.35, 0.45, 0.1], radius = 0.4 }
+material = "glass"
+interior = "flint"
+[[object]]
+box = { min = [-0.3, -0.3, -0.3], max = [0.3, 0.3, 0.3] }
+transform = [{ rotate = { axis = [0.3, 1, 0], deg = 30 } }, { translate = [-0.45, 0.5, 0] }]
+material = "glass"
+interior = "crown"
+[[object]]
+quad = { center = [0, 1.98, 0], u = [0.8, 0, 0], v = [0, 0, 0.8] }
+emission = 3
+"#
+        ),
+        batches: 16,
+        passes: [400, 0, 160],
+        classes: &["LDE", "LDSSE", "LSSDE", "LSSE"],
+        resolution: 2.5e-3,
+    });
+}
+
+#[test]
+fn rough_dispersive_glass() {
+    run(&Case {
+        name: "rough glass",
+        text: room!(
+            "max_depth = 5",
+            r#"
+[[object]]
+sphere = { center = [0, 0.6, 0], radius = 0.5 }
+material = "rough"
+interior = "flint"
+[[object]]
+quad = { center = [0, 1.98, 0], u = [0.6, 0, 0], v = [0, 0, 0.6] }
+emission = 4
+"#
+        ),
+        batches: 16,
+        passes: [300, 300, 100],
+        classes: &["LDE", "LDDE", "LDDDE"],
+        resolution: 2e-3,
+    });
+}
+
+#[test]
+fn mixtures_of_lobes() {
+    run(&Case {
+        name: "mixtures",
+        text: room!(
+            "max_depth = 4",
+            r#"
+[[object]]
+quad = { center = [0, 0.02, 0], u = [0, 0, 0.9], v = [0.9, 0, 0] }
+material = "floor"
+[[object]]
+quad = { center = [-0.5, 0.6, -0.5], u = [0.4, 0, -0.1], v = [0, 0.5, 0] }
+material = "half_mirror"
+[[object]]
+quad = { center = [0, 1.98, 0], u = [0.7, 0, 0], v = [0, 0, 0.7] }
+emission = 4
+"#
+        ),
+        batches: 16,
+        passes: [300, 0, 120],
+        classes: &["LDE", "LDDE", "LDSE", "LSDE"],
+        resolution: 2e-3,
+    });
+}
+
+#[test]
+fn environment_and_lights_of_every_kind_on_a_detector() {
+    run(&Case {
+        name: "detector",
+        text: r#"
+[render]
+max_depth = 3
+[[sensor]]
+resolution = [8, 8]
+detector = { center = [0, 0, 0], u = [0.5, 0, 0], v = [0, 0, -0.5] }
+[material.white]
+diffuse = { reflectance = 0.7 }
+[[object]]
+quad = { center = [-0.8, 0.6, 0], u = [0, 0, -0.6], v = [0, 0.6, 0] }
+material = "white"
+[[object]]
+sphere = { center = [0.6, 0.7, 0], radius = 0.2 }
+material = "white"
+[[object]]
+disk = { center = [0, 1.5, 0], normal = [0, -1, 0], radius = 0.3 }
+emission = 3
+[[light]]
+environment = { radiance = 0.3 }
+[[light]]
+point = { position = [0.3, 0.9, 0.5], intensity = 0.3 }
+[[light]]
+spot = { position = [-0.3, 1.2, 0.4], direction = [0.2, -1, 0], inner_deg = 10, outer_deg = 40, intensity = 1 }
+[[light]]
+directional = { direction = [0.3, -1, 0.2], irradiance = 0.5 }
+[[light]]
+beam = { position = [0, 2, 0.2], direction = [-0.1, -1, 0], radius = 0.2, irradiance = 2 }
+"#,
+        batches: 16,
+        passes: [400, 400, 200],
+        classes: &["LE", "LDE", "LDDE"],
+        resolution: 1.5e-3,
+    });
+}
+
+#[test]
+fn nested_media() {
+    run(&Case {
+        name: "nested media",
+        text: room!(
+            "max_depth = 8",
+            r#"
+[medium.water]
+ior = 1.33
+[[object]]
+box = { min = [-0.5, 0.2, -0.4], max = [0.5, 1.0, 0.4] }
+material = "rough"
+interior = "water"
+[[object]]
+sphere = { center = [0.2, 0.6, 0], radius = 0.5 }
+material = "rough"
+interior = "crown"
+priority = 2
+[[object]]
+sphere = { center = [0.2, 0.6, 0], radius = 0.2 }
+material = "red"
+[[object]]
+quad = { center = [0, 1.98, 0], u = [0.8, 0, 0], v = [0, 0, 0.8] }
+emission = 3
+"#
+        ),
+        batches: 16,
+        passes: [300, 0, 80],
+        classes: &["LDE", "LDDE", "LDDDE"],
+        resolution: 2.5e-3,
+    });
+}

@@ -1,11 +1,12 @@
 //! Renders small scenes in independent batches, so that every number comes with its standard error.
 
-use abbe::film::Crop;
+use abbe::film::{Crop, SensorResponse, SpectralChannels};
 use abbe::io::scene_file::parse_str;
 use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render};
 use abbe::scene::settings::IntegratorKind;
 use abbe::scene::{Scene, Settings};
+use rayon::prelude::*;
 use regex::Regex;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -25,6 +26,11 @@ impl Estimate {
         Self { mean, error: (variance / n).sqrt() }
     }
 
+    /// The same in another unit.
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self { mean: self.mean * factor, error: self.error * factor }
+    }
+
     /// How many standard errors lie between two estimates.
     pub fn deviation(&self, other: &Self) -> f64 {
         (self.mean - other.mean).abs() / self.error.hypot(other.error)
@@ -32,6 +38,7 @@ impl Estimate {
 
     /// Fails if the estimate is more than 4.5 standard errors from an exact value (p = 7e-6), or too coarse to tell.
     pub fn assert_is(&self, what: &str, expected: f64, resolution: f64) {
+        println!("{what}: {:.6} for {expected:.6}, standard error {:.1e} of it", self.mean, self.error / expected.abs());
         assert!(
             self.error <= resolution * expected.abs(),
             "{what}: {self:?} does not resolve {resolution} of {expected}"
@@ -47,7 +54,7 @@ pub fn test_scale() -> u32 {
 }
 
 pub fn scene(text: &str) -> (Scene, Settings) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/render");
     let loaded = parse_str(text, &folder).unwrap_or_else(|e| panic!("{e}"));
     (Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}")), loaded.settings)
 }
@@ -68,35 +75,21 @@ pub struct Measured {
     pub strategies: BTreeMap<(String, u32, u32), (Estimate, Estimate)>,
 }
 
-/// Renders `batches` independent images of `passes` passes each.
+/// One batch: mean Y, per class, and per strategy (raw, weighted).
+type Batch = (f64, Vec<f64>, BTreeMap<(String, u32, u32), (f64, f64)>);
+
+/// Renders `batches` independent images of `passes` passes each, in parallel.
 pub fn measure(scene: &Scene, settings: &Settings, batches: u32, passes: u32, classes: &[&str]) -> Measured {
     let classes: Vec<Regex> = classes.iter().map(|c| Regex::new(&format!("^{c}$")).unwrap()).collect();
-    let batches = batches as usize;
-    let mut y = Vec::new();
-    let mut per_class: Vec<Vec<f64>> = vec![Vec::new(); classes.len()];
+    let all: Vec<Batch> =
+        (0..batches).into_par_iter().map(|batch| one_batch(scene, settings, batch, passes, &classes)).collect();
+    let y: Vec<f64> = all.iter().map(|b| b.0).collect();
+    let per_class: Vec<Vec<f64>> =
+        (0..classes.len()).map(|i| all.iter().map(|b| b.1[i]).collect()).collect();
     let mut per_strategy: BTreeMap<(String, u32, u32), Vec<(f64, f64)>> = BTreeMap::new();
-    for batch in 0..batches {
-        let settings = Settings { seed: combine(settings.seed, batch as u64 + 1), ..settings.clone() };
-        let request = OutputRequest { classes: classes.clone(), class_table: true, ..OutputRequest::default() };
-        let crop = full_crop(scene);
-        let mut render = Render::new(scene, 0, &settings, crop, &request);
-        for pass in 0..passes {
-            render.add_pass(pass);
-        }
-        assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
-        assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
-        let pixels = crop.pixels() as f64;
-        let mean_y = |film: &abbe::film::Film| {
-            film.image(u64::from(passes)).iter().skip(1).step_by(3).sum::<f64>() / pixels
-        };
-        y.push(mean_y(&render.outputs().image));
-        for (values, (_, film)) in per_class.iter_mut().zip(&render.outputs().classes) {
-            values.push(mean_y(film));
-        }
-        let norm = pixels * f64::from(passes);
-        for (&(class, s, t), row) in render.table().rows() {
-            let values = per_strategy.entry((class.to_string(), s, t)).or_insert_with(|| vec![(0.0, 0.0); batches]);
-            values[batch] = (row.raw / norm, row.weighted / norm);
+    for (i, batch) in all.iter().enumerate() {
+        for (key, value) in &batch.2 {
+            per_strategy.entry(key.clone()).or_insert_with(|| vec![(0.0, 0.0); all.len()])[i] = *value;
         }
     }
     let split = |values: Vec<(f64, f64)>| {
@@ -111,6 +104,85 @@ pub fn measure(scene: &Scene, settings: &Settings, batches: u32, passes: u32, cl
     }
 }
 
+fn one_batch(scene: &Scene, settings: &Settings, batch: u32, passes: u32, classes: &[Regex]) -> Batch {
+    let settings = Settings { seed: combine(settings.seed, u64::from(batch) + 1), ..settings.clone() };
+    let request = OutputRequest { classes: classes.to_vec(), class_table: true, ..OutputRequest::default() };
+    let crop = full_crop(scene);
+    let mut render = Render::new(scene, 0, &settings, crop, &request);
+    for pass in 0..passes {
+        render.add_pass(pass);
+    }
+    assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
+    assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
+    let pixels = crop.pixels() as f64;
+    let mean_y = |film: &abbe::film::Film| {
+        film.image(u64::from(passes)).iter().skip(1).step_by(3).sum::<f64>() / pixels
+    };
+    let norm = pixels * f64::from(passes);
+    (
+        mean_y(&render.outputs().image),
+        render.outputs().classes.iter().map(|(_, film)| mean_y(film)).collect(),
+        render
+            .table()
+            .rows()
+            .map(|(&(class, s, t), row)| ((class.to_string(), s, t), (row.raw / norm, row.weighted / norm)))
+            .collect(),
+    )
+}
+
 pub fn with(settings: &Settings, integrator: IntegratorKind) -> Settings {
     Settings { integrator, ..settings.clone() }
 }
+
+/// Independent images of one sensor, `[batch][line][pixel]`: the power of each of the scene's emission lines, ascending.
+pub fn line_images(
+    scene: &Scene,
+    sensor: usize,
+    settings: &Settings,
+    batches: u32,
+    passes: u32,
+) -> Vec<Vec<Vec<f64>>> {
+    let lines: Vec<f64> = scene.wavelengths.atoms().map(|atom| atom.0).collect();
+    let count = lines.len();
+    let resolution = scene.sensors[sensor].camera.resolution();
+    let crop = Crop { x0: 0, y0: 0, x1: resolution.width, y1: resolution.height };
+    let response = SensorResponse::Spectral(SpectralChannels::new([360.0, 830.0], 0, lines));
+    let request = OutputRequest { spectral: Some(response), ..OutputRequest::default() };
+    (0..batches)
+        .map(|batch| {
+            let seed = combine(settings.seed, u64::from(batch) + 1);
+            let settings = Settings { seed, ..settings.clone() };
+            let mut render = Render::new(scene, sensor, &settings, crop, &request);
+            for pass in 0..passes {
+                render.add_pass(pass);
+            }
+            assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
+            assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
+            let (_, film) = render.outputs().spectral.as_ref().unwrap();
+            let image = film.image(u64::from(passes));
+            (0..count).map(|line| image.iter().skip(line).step_by(count).copied().collect()).collect()
+        })
+        .collect()
+}
+
+/// Mean over the film of the only line of [`line_images`].
+pub fn line_mean(scene: &Scene, sensor: usize, settings: &Settings, batches: u32, passes: u32) -> Estimate {
+    let images = line_images(scene, sensor, settings, batches, passes);
+    let means: Vec<f64> = images.iter().map(|image| mean(&image[0])).collect();
+    Estimate::from_batches(&means)
+}
+
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Fails unless `value` is `expected` to a relative `tolerance`: for what is free of noise.
+pub fn assert_close(what: &str, value: f64, expected: f64, tolerance: f64) {
+    assert!(
+        (value - expected).abs() <= tolerance * expected.abs(),
+        "{what}: {value}, expected {expected} within {tolerance:e} of it"
+    );
+}
+
+/// Y of a unit of power at 555 nm: 1/∫ȳ, with ȳ(555 nm) = 1.
+pub const Y_OF_555_NM: f64 = 1.0 / 106.856_895;

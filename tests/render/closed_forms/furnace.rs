@@ -1,0 +1,117 @@
+//! Furnaces: in uniform light everything that absorbs nothing is invisible.
+
+use crate::harness::{assert_close, line_images, line_mean, measure, scene, test_scale, with};
+use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
+use std::f64::consts::PI;
+
+/// Every path has weight 1 at a single wavelength, so every pixel is 1 but for the rounding of the lanes.
+#[test]
+fn clear_sphere_in_uniform_light_is_invisible() {
+    for index in ["ior = 1.5", "ior = 2.4", "glass = \"schott:N-SF11\"\nuse_k = false"] {
+        let text = FURNACE.replace("INDEX", index).replace("WAVELENGTHS", "{ line_nm = 550 }");
+        let (scene, settings) = scene(&text);
+        for kind in [Path, Bdpt] {
+            for pixel in &line_images(&scene, 0, &with(&settings, kind), 1, 4)[0][0] {
+                assert_close(index, *pixel, 1.0, 1e-5);
+            }
+        }
+    }
+}
+
+/// The same in white light, where the lanes of a dispersive path die: the mean is kept.
+#[test]
+fn dispersive_sphere_in_white_light_is_invisible() {
+    let (scene, settings) =
+        scene(&FURNACE.replace("INDEX", "glass = \"schott:N-SF11\"\nuse_k = false").replace("WAVELENGTHS", "\"scene\""));
+    for kind in [Path, Bdpt] {
+        let measured = measure(&scene, &with(&settings, kind), 32, 4 * test_scale(), &[]);
+        measured.y.assert_is("white furnace", 1.0, 2e-3);
+    }
+}
+
+const FURNACE: &str = r#"
+[render]
+wavelengths = WAVELENGTHS
+[[sensor]]
+resolution = [24, 24]
+perspective = { eye = [0, 0, 4], target = [0, 0, 0], fov_deg = 34 }
+[medium.glass]
+INDEX
+[material.clear]
+dielectric = {}
+[[object]]
+sphere = { radius = 1 }
+material = "clear"
+interior = "glass"
+[[light]]
+environment = { radiance = 1 }
+"#;
+
+/// Radiance η² and irradiance πη² inside glass. The sensors stand where no direction is totally reflected, and the detector lets
+/// pass what comes back, so that nothing is lost.
+#[test]
+fn light_is_denser_inside_glass() {
+    let (scene, settings) = scene(INSIDE);
+    let eta2 = 1.5 * 1.5;
+    for kind in [Path, Bdpt] {
+        for pixel in &line_images(&scene, 1, &with(&settings, kind), 1, 4)[0][0] {
+            assert_close("radiance in glass", *pixel, eta2, 1e-5);
+        }
+    }
+    for pixel in &line_images(&scene, 0, &with(&settings, Path), 1, 4)[0][0] {
+        assert_close("irradiance in glass", *pixel, PI * eta2, 1e-5);
+    }
+    for (kind, passes) in [(Light, 2400), (Bdpt, 1000)] {
+        let irradiance = line_mean(&scene, 0, &with(&settings, kind), 32, passes * test_scale());
+        irradiance.assert_is(&format!("irradiance in glass by {kind:?}"), PI * eta2, 1e-2);
+    }
+}
+
+const INSIDE: &str = r#"
+[render]
+wavelengths = { line_nm = 550 }
+[[sensor]]
+name = "meter"
+resolution = [4, 4]
+detector = { center = [0.3, 0, 0], u = [0.2, 0, 0], v = [0, 0.2, 0], transparent = true }
+[[sensor]]
+name = "eye"
+resolution = [8, 8]
+perspective = { eye = [-0.4, 0.1, 0], target = [1, 0, 0.2], fov_deg = 80 }
+[medium.glass]
+ior = 1.5
+[material.clear]
+dielectric = {}
+[[object]]
+sphere = { radius = 1 }
+material = "clear"
+interior = "glass"
+[[light]]
+environment = { radiance = 1 }
+"#;
+
+/// Inside a closed surface of emission E and reflectance ρ the radiance is E/(1-ρ) everywhere.
+#[test]
+fn closed_diffuse_furnace() {
+    let (scene, settings) = scene(CLOSED);
+    for (kind, passes) in [(Path, 8), (Light, 60), (Bdpt, 8)] {
+        let radiance = line_mean(&scene, 0, &with(&settings, kind), 32, passes * test_scale());
+        radiance.assert_is(&format!("diffuse furnace by {kind:?}"), 0.8 / (1.0 - 0.6), 7e-3);
+    }
+}
+
+const CLOSED: &str = r#"
+[render]
+wavelengths = { line_nm = 550 }
+pair_probability = 1
+[[sensor]]
+resolution = [16, 16]
+perspective = { eye = [0.3, 0.2, 0.1], target = [1, 0, 0], fov_deg = 100 }
+[material.wall]
+diffuse = { reflectance = 0.6 }
+[[object]]
+sphere = { radius = 1 }
+material = "wall"
+emission = 0.8
+two_sided = true
+"#;
