@@ -240,11 +240,22 @@ pub fn spectral_image(render: &Render, header: &PartHeader) -> Option<ExrImage> 
         .chain(lines)
         .enumerate()
         .map(|(c, name)| channel(&name, values.iter().skip(c).step_by(count).copied()));
+    let mut metadata = metadata(header);
+    // readers know a spectral image by these two; per nanometer is understood
+    for (name, value) in [
+        ("spectralLayoutVersion", "1.0"),
+        ("emissiveUnits", "W.m^-2.sr^-1"),
+    ] {
+        let value = MetadataValue::Text(value.to_owned());
+        metadata.entries.push((name.to_owned(), value));
+    }
+    // the one unit that the response has, whatever that of the XYZ image
+    metadata.entries.retain(|(name, _)| name != "unit");
     Some(ExrImage {
         width: header.width,
         height: header.height,
         crop: header.crop(),
         channels: channels.collect(),
-        metadata: metadata(header),
+        metadata,
     })
 }

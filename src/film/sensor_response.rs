@@ -4,10 +4,8 @@
 //! sum over lanes with no further factor but the density of the wavelength: a probability at an emission line, per
 //! nanometre elsewhere.
 
+use crate::spectrum::xyz::N_Y;
 use crate::spectrum::{SampledWavelengths, cie};
-
-/// Integral of ȳ (CIE 1931, 2°) over 360..830 nm at 1 nm, in nanometres.
-pub const Y_INTEGRAL_NM: f64 = 106.856_895;
 
 /// Luminous efficacy of 540 THz, lm/W (SI definition of the candela).
 pub const MAX_EFFICACY_LM_PER_W: f64 = 683.0;
@@ -131,7 +129,7 @@ impl SensorResponse {
     /// Adds an estimate of the spectrum's integral that was made at one wavelength.
     fn add_one(&self, lambda_nm: f64, is_line: bool, value: f64, channels: &mut [f64]) {
         let scale = match self {
-            Self::Xyz => 1.0 / Y_INTEGRAL_NM,
+            Self::Xyz => 1.0 / N_Y,
             Self::Photometric => MAX_EFFICACY_LM_PER_W,
             Self::Spectral(spectral) => {
                 if let Some((channel, width)) = spectral.channel(lambda_nm, is_line) {
@@ -184,10 +182,10 @@ mod tests {
             SensorResponse::Xyz.add_one(f64::from(nm), false, 1.0, &mut relative);
             SensorResponse::Photometric.add_one(f64::from(nm), false, 1.0, &mut photometric);
         }
-        assert!((relative[1] - 1.0).abs() < 1e-6, "{relative:?}");
+        assert!((relative[1] - 1.0).abs() < 1e-12, "{relative:?}");
         // an equal-energy stimulus is white within 4 digits
         assert!((relative[0] - 1.0).abs() < 1e-3 && (relative[2] - 1.0).abs() < 1e-3);
-        assert!((photometric[1] - 683.0 * 106.856_895).abs() < 0.1);
+        assert!((photometric[1] - 683.0 * N_Y).abs() < 1e-6);
     }
 
     #[test]

@@ -4,7 +4,6 @@ use crate::bsdf::Interface;
 use crate::film::Crop;
 use crate::geometry::Ray;
 use crate::scene::Scene;
-use crate::film::sensor_response::Y_INTEGRAL_NM;
 use crate::spectrum::{MAX_LANES, xyz};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -49,7 +48,7 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                 for j in 0..lanes.count() {
                     let share = f64::from(colour[j]) / lanes.pdf(j) / (lanes.count() * wavelengths.len()) as f64;
                     for (sum, cmf) in albedo.iter_mut().zip(xyz::cmf(lanes.lambda_nm(j))) {
-                        *sum += share * cmf / Y_INTEGRAL_NM;
+                        *sum += share * cmf / xyz::N_Y;
                     }
                 }
             }

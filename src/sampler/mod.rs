@@ -2,8 +2,13 @@
 //!
 //! Numbers come in sets of four from named streams, so that the length of one sub-path never shifts the numbers of another
 //! and a Metropolis sampler can take the same place.
+//!
+//! Wavelengths have a sequence of their own, over pixels and passes at once: one digital net in base 2 (Niederreiter, "Point sets
+//! and sequences with small discrepancy", 1987), scrambled as a whole (Owen 1995). Any aligned block of 2^p pixels in Morton
+//! order over any aligned 2^q passes of a half has one wavelength in each of 2^(p+q) strata.
 
 use crate::math::hash::{combine, random_bits, unit_f64};
+use sobol_burley::parts::owen_scramble_rev;
 
 /// Who consumes the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,8 +30,7 @@ pub struct Sampler {
     /// Index within the low-discrepancy sequence, and the key of its scrambling (the same for all indices of a pixel).
     index: u32,
     scramble: u64,
-    /// Even or odd pass.
-    half: u32,
+    pass: u32,
 }
 
 /// Sets of a stream that come from the low-discrepancy sequence; later ones are independent.
@@ -43,20 +47,19 @@ impl Sampler {
         let epoch = u64::from(index >> 16);
         let pixel_key = combine(combine(seed, u64::from(sensor)), pixel);
         let scramble = combine(pixel_key, (epoch << 1) | half);
-        Self { key: combine(pixel_key, u64::from(pass) | 1 << 40), index: index & 0xffff, scramble, half: pass & 1 }
+        Self { key: combine(pixel_key, u64::from(pass) | 1 << 40), index: index & 0xffff, scramble, pass }
     }
 
-    /// The primary wavelength number of pixel `(x, y)`, stratified over passes (one low-discrepancy sequence for all pixels) and over
-    /// neighboring pixels (each rotates it by a plane lattice of the plastic number).
+    /// The primary wavelength number of pixel `(x, y)`, stratified over neighboring pixels and passes together.
     #[must_use]
     pub fn wavelength(&self, (x, y): (u32, u32), seed: u64) -> f64 {
         // the same for all pixels, but not for the two halves of the passes
-        let common = combine(combine(seed, 0x5741_5645), u64::from(self.half));
-        let sequence = f64::from(sobol_burley::sample(self.index, 0, common as u32));
-        let rotation = f64::from(x) * 0.754_877_666_246_692_8 + f64::from(y) * 0.569_840_290_998_053_3;
-        // the hash fills the bits that the sequence leaves
-        let fine = unit_f64(random_bits(self.key, u64::MAX)) * (1.0 / 65_536.0);
-        (sequence + rotation + fine + unit_f64(random_bits(common, 1))).fract()
+        let common = combine(combine(seed, 0x5741_5645), u64::from(self.pass & 1));
+        // bit r is binary digit r + 1 of the number
+        let digits = morton(x, y) ^ pascal(self.pass >> 1);
+        let stratum = owen_scramble_rev(digits, common as u32).reverse_bits();
+        // the hash fills the bits that the net leaves
+        (f64::from(stratum) + unit_f64(random_bits(self.key, u64::MAX))) * (1.0 / 4_294_967_296.0)
     }
 
     /// The numbers of one stream, from its start.
@@ -70,6 +73,31 @@ impl Sampler {
             set: 0,
         }
     }
+}
+
+/// The lower 16 bits of both, interleaved.
+fn morton(x: u32, y: u32) -> u32 {
+    let spread = |v: u32| {
+        let v = v & 0xffff;
+        let v = (v | v << 8) & 0x00ff_00ff;
+        let v = (v | v << 4) & 0x0f0f_0f0f;
+        let v = (v | v << 2) & 0x3333_3333;
+        (v | v << 1) & 0x5555_5555
+    };
+    spread(x) | spread(y) << 1
+}
+
+/// Pascal's triangle modulo 2 times the bits of `n`: bit r of the product is the parity of C(r, c) over the set bits c of `n`.
+///
+/// Its minors of q rows in sequence and the first q columns are all 1 (Vandermonde), so that beside the identity, which holds p
+/// digits for 2^p pixels, it gives 2^q passes all values of the next q digits. C(r, c) is odd where c is a subset of r (Lucas),
+/// which makes the product a sum over subsets.
+fn pascal(n: u32) -> u32 {
+    let n = n ^ (n & 0x5555_5555) << 1;
+    let n = n ^ (n & 0x3333_3333) << 2;
+    let n = n ^ (n & 0x0f0f_0f0f) << 4;
+    let n = n ^ (n & 0x00ff_00ff) << 8;
+    n ^ n << 16
 }
 
 /// The numbers of one stream, in sets of four.
@@ -93,9 +121,9 @@ impl StreamSampler {
         if set >= SOBOL_SETS {
             return fine;
         }
-        // the sequence gives the leading 24 bits, the hash the rest
+        // the sequence gives the leading 23 bits, the hash the rest
         let leading = sobol_burley::sample_4d(self.index, self.first_set + set, self.scramble);
-        std::array::from_fn(|i| f64::from(leading[i]) + fine[i] * (1.0 / 16_777_216.0))
+        std::array::from_fn(|i| f64::from(leading[i]) + fine[i] * (1.0 / 8_388_608.0))
     }
 }
 
@@ -133,5 +161,47 @@ mod tests {
             }
             assert_eq!(cells, [1; 64]);
         }
+    }
+
+    /// Strata (of 2^(p+q)) hit by the wavelengths of 2^p pixels over 2^q passes, from aligned starts.
+    fn strata((p, q): (u32, u32), (x0, y0): (u32, u32), n0: u32, half: u32, seed: u64) -> Vec<u32> {
+        let (columns, rows) = (1 << p.div_ceil(2), 1 << (p / 2));
+        let count = 1 << (p + q);
+        let mut hit = vec![0; count];
+        for n in n0..n0 + (1 << q) {
+            for (x, y) in (y0..y0 + rows).flat_map(|y| (x0..x0 + columns).map(move |x| (x, y))) {
+                let sampler = Sampler::new(seed, 0, u64::from(y) * 1000 + u64::from(x), 2 * n + half);
+                let u = sampler.wavelength((x, y), seed);
+                assert!((0.0..1.0).contains(&u));
+                hit[(u * count as f64) as usize] += 1;
+            }
+        }
+        hit
+    }
+
+    #[test]
+    fn wavelengths_are_stratified_over_pixels_and_passes_together() {
+        for p in 0..=8 {
+            for q in 0..=8 {
+                for (start, n0, half, seed) in [((0, 0), 0, 0, 1), ((48, 592), 256 * 5, 1, 99)] {
+                    let hit = strata((p, q), start, n0, half, seed);
+                    assert!(hit.iter().all(|&h| h == 1), "2^{p} pixels, 2^{q} passes");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn wavelengths_of_a_pixel_are_uniform_over_seeds_and_the_halves_are_independent() {
+        let (seeds, cells) = (64_000, 8);
+        let mut joint = vec![0.0; cells * cells];
+        for seed in 0..seeds {
+            let u = [0, 1].map(|pass| Sampler::new(seed, 0, 123, pass).wavelength((3, 2), seed) * cells as f64);
+            joint[u[0] as usize * cells + u[1] as usize] += 1.0;
+        }
+        // chi-squared with 63 degrees of freedom: 5 standard deviations above the mean
+        let expected = seeds as f64 / joint.len() as f64;
+        let chi2: f64 = joint.iter().map(|n: &f64| (n - expected).powi(2) / expected).sum();
+        assert!(chi2 < 63.0 + 5.0 * 126_f64.sqrt(), "{chi2}");
     }
 }

@@ -59,16 +59,17 @@ def reference(case):
     raise ValueError(kind)
 
 
-def lab(xyz):
-    return colour.XYZ_to_Lab(np.asarray(xyz), D65_XY)
+def lab(xyz, white):
+    return colour.XYZ_to_Lab(np.asarray(xyz), white)
 
 
 for case in json.load(sys.stdin):
     want = reference(case)
+    white = colour.XYZ_to_xy(to_xyz(illuminant(case["illuminant"]))) if case.get("own_white") else D65_XY
     print(json.dumps({
         "name": case["name"],
         "kind": case["kind"],
-        "delta_e": float(colour.delta_E(lab(case["xyz"]), lab(want), method="CIE 2000")),
+        "delta_e": float(colour.delta_E(lab(case["xyz"], white), lab(want, white), method="CIE 2000")),
         "relative": float(np.max(np.abs(np.array(case["xyz"]) - want)) / np.max(np.abs(want))),
         "want": [float(v) for v in want],
     }))
