@@ -42,7 +42,13 @@ impl Medium {
     #[must_use]
     pub fn sample(&self, wavelengths: &SampledWavelengths) -> MediumLanes {
         let n = wavelengths.count();
-        let eta = std::array::from_fn(|j| if j < n { self.ior.n(wavelengths.lambda_nm(j)) } else { 1.0 });
+        let eta = std::array::from_fn(|j| {
+            if j < n {
+                self.ior.n(wavelengths.lambda_nm(j))
+            } else {
+                1.0
+            }
+        });
         let uses_k = self.use_k && self.ior.is_absorbing();
         let absorption = (uses_k || self.absorption.is_some()).then(|| {
             std::array::from_fn(|j| {
@@ -50,11 +56,19 @@ impl Medium {
                     return 0.0;
                 }
                 let nm = wavelengths.lambda_nm(j);
-                let from_k = if uses_k { 4.0 * std::f64::consts::PI * self.ior.k(nm) / (nm * 1e-9) } else { 0.0 };
+                let from_k = if uses_k {
+                    4.0 * std::f64::consts::PI * self.ior.k(nm) / (nm * 1e-9)
+                } else {
+                    0.0
+                };
                 from_k + self.absorption.as_ref().map_or(0.0, |a| a.eval(nm))
             })
         });
-        MediumLanes { eta, absorption, dispersive: self.ior.is_dispersive() }
+        MediumLanes {
+            eta,
+            absorption,
+            dispersive: self.ior.is_dispersive(),
+        }
     }
 }
 
@@ -113,7 +127,10 @@ impl MediumStack {
     /// In no solid.
     #[must_use]
     pub fn new(outside: MediumId) -> Self {
-        Self { solids: ArrayVec::new(), outside }
+        Self {
+            solids: ArrayVec::new(),
+            outside,
+        }
     }
 
     /// The medium here.
@@ -146,7 +163,9 @@ impl MediumStack {
                     next.solids.retain(|s| s.0 != rank);
                 }
             }
-            Boundary::Interface { above, below } => next.outside = if entering { below } else { above },
+            Boundary::Interface { above, below } => {
+                next.outside = if entering { below } else { above }
+            }
         }
         Some(next)
     }
@@ -178,7 +197,10 @@ impl MediumStack {
     /// The region here.
     #[must_use]
     pub fn region(&self) -> Region {
-        Region { medium: self.medium(), rank: self.rank() }
+        Region {
+            medium: self.medium(),
+            rank: self.rank(),
+        }
     }
 }
 

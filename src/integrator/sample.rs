@@ -15,7 +15,8 @@ use crate::transport::connect::{Joiner, light_end_factor};
 use crate::transport::subpath::Vertex;
 use crate::transport::walk::{Start, walk};
 use crate::transport::{
-    Contribution, Counters, PassSettings, PathContext, Subpath, Techniques, Throughput, VertexDensity,
+    Contribution, Counters, PassSettings, PathContext, Subpath, Techniques, Throughput,
+    VertexDensity,
 };
 use glam::{DVec2, DVec3};
 
@@ -37,12 +38,25 @@ pub struct Frame<'a> {
 impl<'a> Frame<'a> {
     /// For a sensor of the scene, over part of its film.
     #[must_use]
-    pub fn new(scene: &'a Scene, sensor: usize, settings: &'a Settings, crop: &Crop, with_raw: bool) -> Self {
+    pub fn new(
+        scene: &'a Scene,
+        sensor: usize,
+        settings: &'a Settings,
+        crop: &Crop,
+        with_raw: bool,
+    ) -> Self {
         let camera = &scene.sensors[sensor].camera;
         let resolution = camera.resolution();
         let film = f64::from(resolution.width) * f64::from(resolution.height);
-        let techniques = Techniques::new(settings, crop.pixels() as f64 / film, camera.is_hittable());
-        Self { scene, sensor, settings, techniques, with_raw }
+        let techniques =
+            Techniques::new(settings, crop.pixels() as f64 / film, camera.is_hittable());
+        Self {
+            scene,
+            sensor,
+            settings,
+            techniques,
+            with_raw,
+        }
     }
 }
 
@@ -77,11 +91,24 @@ pub fn sample_pixel(
     let mut base = sampler.stream(Stream::Base);
     let [u_film_x, u_film_y, u_lens_x, u_lens_y] = base.next4();
 
-    let lanes = if scene.wavelengths.is_single() { 1 } else { settings.lanes };
-    let u_wavelength =
-        pass.shared.map_or_else(|| sampler.wavelength((x, y), settings.seed), |shared| shared.u_wavelength);
+    let lanes = if scene.wavelengths.is_single() {
+        1
+    } else {
+        settings.lanes
+    };
+    let u_wavelength = pass.shared.map_or_else(
+        || sampler.wavelength((x, y), settings.seed),
+        |shared| shared.u_wavelength,
+    );
     let wavelengths = scene.wavelengths.sample(u_wavelength, lanes);
-    let Workspace { media, light, camera, arrival, contributions, counters } = workspace;
+    let Workspace {
+        media,
+        light,
+        camera,
+        arrival,
+        contributions,
+        counters,
+    } = workspace;
     contributions.clear();
     counters.paths += 1;
     media.clear();
@@ -103,7 +130,9 @@ pub fn sample_pixel(
 
     let offset = sensor.filter.sample(DVec2::new(u_film_x, u_film_y));
     let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) + offset;
-    let start = sensor.camera.sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.time);
+    let start = sensor
+        .camera
+        .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.time);
     camera.restart(start.xk, sensor.stack.region(), None, start.pdf_xk);
     if settings.integrator != IntegratorKind::Light {
         let eta2 = context.eta_squared(sensor.stack.medium());
@@ -124,13 +153,24 @@ pub fn sample_pixel(
             &mut sampler.stream(Stream::Camera),
             counters,
             |first: &Vertex| {
-                if hittable { xk.cos(first.toward_previous) / (first.distance * first.distance) } else { 0.0 }
+                if hittable {
+                    xk.cos(first.toward_previous) / (first.distance * first.distance)
+                } else {
+                    0.0
+                }
             },
         );
     }
-    if settings.integrator == IntegratorKind::Path || !start_light(&context, light, max_depth, &sampler, counters) {
+    if settings.integrator == IntegratorKind::Path
+        || !start_light(&context, light, max_depth, &sampler, counters)
+    {
         light.restart(
-            EndPoint { p: DVec3::ZERO, n: DVec3::ZERO, surface: None, infinite: false },
+            EndPoint {
+                p: DVec3::ZERO,
+                n: DVec3::ZERO,
+                surface: None,
+                infinite: false,
+            },
             sensor.stack.region(),
             None,
             0.0,
@@ -193,14 +233,24 @@ fn start_light(
         return false;
     };
     let stack = &scene.light_stacks[id.0 as usize];
-    path.restart(emission.x0, stack.region(), Some(id), probability * emission.pdf_x0);
+    path.restart(
+        emission.x0,
+        stack.region(),
+        Some(id),
+        probability * emission.pdf_x0,
+    );
     let x0 = emission.x0;
     let weight: SampledSpectrum = emission.weight;
     walk(
         context,
         path,
         Start {
-            ray: Ray::leaving(emission.origin, emission.direction, context.time, x0.surface),
+            ray: Ray::leaving(
+                emission.origin,
+                emission.direction,
+                context.time,
+                x0.surface,
+            ),
             stack: stack.clone(),
             throughput: Throughput::splat(1.0 / probability).times(&weight),
             pdf: emission.pdf_direction,

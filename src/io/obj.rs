@@ -95,15 +95,25 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Mesh, ObjError> {
             path: path.to_owned(),
             source,
         })?;
-    let mut all = Arrays { normals: Some(Vec::new()), uvs: Some(Vec::new()), ..Arrays::default() };
+    let mut all = Arrays {
+        normals: Some(Vec::new()),
+        uvs: Some(Vec::new()),
+        ..Arrays::default()
+    };
     for model in models {
         all.append(&model.mesh);
     }
     if all.triangles.is_empty() {
-        return Err(ObjError::Empty { path: path.to_owned() });
+        return Err(ObjError::Empty {
+            path: path.to_owned(),
+        });
     }
-    Mesh::new(&all.positions, all.normals, all.uvs, all.triangles)
-        .map_err(|source| ObjError::Mesh { path: path.to_owned(), source })
+    Mesh::new(&all.positions, all.normals, all.uvs, all.triangles).map_err(|source| {
+        ObjError::Mesh {
+            path: path.to_owned(),
+            source,
+        }
+    })
 }
 
 /// The vertices and faces of all objects read so far.
@@ -126,7 +136,11 @@ impl Arrays {
         extend(&mut self.normals, groups(&mesh.normals), positions.len());
         extend(&mut self.uvs, groups(&mesh.texcoords), positions.len());
         self.positions.extend(positions);
-        self.triangles.extend(groups::<u32, 3>(&mesh.indices).iter().map(|t| t.map(|v| v.wrapping_add(first))));
+        self.triangles.extend(
+            groups::<u32, 3>(&mesh.indices)
+                .iter()
+                .map(|t| t.map(|v| v.wrapping_add(first))),
+        );
     }
 }
 
@@ -176,10 +190,7 @@ mod tests {
     #[test]
     fn faces_without_area_are_dropped_and_counted() {
         let mesh = read(&format!("{SQUARE}f 1 2 3\nf 1 2 2\nf 1 1 1\n")).expect("valid");
-        assert_eq!(
-            (mesh.triangle_count(), mesh.dropped()),
-            (1, 2)
-        );
+        assert_eq!((mesh.triangle_count(), mesh.dropped()), (1, 2));
     }
 
     #[test]

@@ -23,19 +23,30 @@ pub struct Guide {
 #[must_use]
 pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
     // enough wavelengths for a colour
-    let wavelengths: Vec<_> =
-        (0..8).map(|i| scene.wavelengths.sample((f64::from(i) + 0.5) / 64.0, MAX_LANES)).collect();
+    let wavelengths: Vec<_> = (0..8)
+        .map(|i| {
+            scene
+                .wavelengths
+                .sample((f64::from(i) + 0.5) / 64.0, MAX_LANES)
+        })
+        .collect();
     (crop.y0..crop.y1)
         .into_par_iter()
         .flat_map_iter(|y| (crop.x0..crop.x1).map(move |x| (x, y)))
         .map(|(x, y)| {
             let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let start = scene.sensors[sensor].camera.sample_ray(raster, DVec2::splat(0.5), 0.0);
+            let start = scene.sensors[sensor]
+                .camera
+                .sample_ray(raster, DVec2::splat(0.5), 0.0);
             let ray = Ray::leaving(start.xk.p, start.direction, 0.0, start.xk.surface);
-            let visible = |id: crate::geometry::InstanceId| scene.objects[id.0 as usize].sensor.is_none();
-            let Some(hit) = scene.accel.closest(&ray, visible) else { return Guide::default() };
+            let visible =
+                |id: crate::geometry::InstanceId| scene.objects[id.0 as usize].sensor.is_none();
+            let Some(hit) = scene.accel.closest(&ray, visible) else {
+                return Guide::default();
+            };
             let point = scene.accel.surface(&ray, &hit);
-            let material = &scene.materials[scene.objects[hit.id.instance.0 as usize].material.0 as usize];
+            let material =
+                &scene.materials[scene.objects[hit.id.instance.0 as usize].material.0 as usize];
             let mut albedo = [0.0; 3];
             for lanes in &wavelengths {
                 let interface = Interface {
@@ -46,13 +57,19 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                 };
                 let colour = material.bsdf(&point, lanes, &interface).albedo();
                 for j in 0..lanes.count() {
-                    let share = f64::from(colour[j]) / lanes.pdf(j) / (lanes.count() * wavelengths.len()) as f64;
+                    let share = f64::from(colour[j])
+                        / lanes.pdf(j)
+                        / (lanes.count() * wavelengths.len()) as f64;
                     for (sum, cmf) in albedo.iter_mut().zip(xyz::cmf(lanes.lambda_nm(j))) {
                         *sum += share * cmf / xyz::N_Y;
                     }
                 }
             }
-            Guide { depth: hit.t, normal: point.ns, albedo }
+            Guide {
+                depth: hit.t,
+                normal: point.ns,
+                albedo,
+            }
         })
         .collect()
 }

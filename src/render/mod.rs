@@ -43,7 +43,13 @@ struct Local {
 impl<'a> Render<'a> {
     /// Prepares the render of a sensor over part of its film.
     #[must_use]
-    pub fn new(scene: &'a Scene, sensor: usize, settings: &'a Settings, crop: Crop, request: &OutputRequest) -> Self {
+    pub fn new(
+        scene: &'a Scene,
+        sensor: usize,
+        settings: &'a Settings,
+        crop: Crop,
+        request: &OutputRequest,
+    ) -> Self {
         let frame = Frame::new(scene, sensor, settings, &crop, request.class_table);
         let outputs = Outputs::new(request, crop, scene.sensors[sensor].filter.clone());
         let roulette_threshold = pilot::roulette_threshold(&frame, &outputs.response);
@@ -61,7 +67,11 @@ impl<'a> Render<'a> {
     /// The settings of pass `index`.
     #[must_use]
     pub fn pass_settings(&self, index: u32) -> PassSettings {
-        PassSettings { index, roulette_threshold: self.roulette_threshold, ..PassSettings::default() }
+        PassSettings {
+            index,
+            roulette_threshold: self.roulette_threshold,
+            ..PassSettings::default()
+        }
     }
 
     /// Adds pass `index`: one sample per pixel.
@@ -154,7 +164,12 @@ fn tiles(crop: &Crop) -> Vec<Crop> {
     let mut out = Vec::new();
     for y0 in (crop.y0..crop.y1).step_by(TILE as usize) {
         for x0 in (crop.x0..crop.x1).step_by(TILE as usize) {
-            out.push(Crop { x0, y0, x1: (x0 + TILE).min(crop.x1), y1: (y0 + TILE).min(crop.y1) });
+            out.push(Crop {
+                x0,
+                y0,
+                x1: (x0 + TILE).min(crop.x1),
+                y1: (y0 + TILE).min(crop.y1),
+            });
         }
     }
     out
@@ -168,16 +183,24 @@ fn render_pixel(
     half: usize,
     local: &mut Local,
 ) {
-    let Local { workspace, values, table } = local;
+    let Local {
+        workspace,
+        values,
+        table,
+    } = local;
     let wavelengths = sample_pixel(frame, pass, (x, y), &outputs.response, workspace);
     // splats one by one, the pixel's own contributions as one sum
     let mut own = [0.0; 3];
     for contribution in &workspace.contributions {
         match contribution.target {
-            Target::OwnPixel => outputs.response.add(&wavelengths, &contribution.lanes, &mut own),
+            Target::OwnPixel => outputs
+                .response
+                .add(&wavelengths, &contribution.lanes, &mut own),
             Target::Splat(raster) => {
                 let mut xyz = [0.0; 3];
-                outputs.response.add(&wavelengths, &contribution.lanes, &mut xyz);
+                outputs
+                    .response
+                    .add(&wavelengths, &contribution.lanes, &mut xyz);
                 outputs.image.add_splat(raster, half, &xyz);
             }
         }

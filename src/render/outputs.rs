@@ -59,9 +59,16 @@ impl Outputs {
         Self {
             response: request.response.clone(),
             image: film(3),
-            spectral: request.spectral.clone().map(|r| (r.clone(), film(r.channels()))),
+            spectral: request
+                .spectral
+                .clone()
+                .map(|r| (r.clone(), film(r.channels()))),
             strategies: request.strategies.then(RwLock::default),
-            classes: request.classes.iter().map(|r| (r.clone(), film(3))).collect(),
+            classes: request
+                .classes
+                .iter()
+                .map(|r| (r.clone(), film(3)))
+                .collect(),
             crop,
             filter,
         }
@@ -90,19 +97,32 @@ impl Outputs {
                 continue;
             }
             let mut xyz = [0.0; 3];
-            self.response.add(wavelengths, &contribution.lanes, &mut xyz);
+            self.response
+                .add(wavelengths, &contribution.lanes, &mut xyz);
             self.add_strategy(contribution, pixel, half, &xyz);
             if !self.classes.is_empty() {
                 let class = contribution.class.to_string();
-                for (_, film) in self.classes.iter().filter(|(regex, _)| regex.is_match(&class)) {
+                for (_, film) in self
+                    .classes
+                    .iter()
+                    .filter(|(regex, _)| regex.is_match(&class))
+                {
                     add(film, contribution.target, pixel, half, &xyz);
                 }
             }
         }
     }
 
-    fn add_strategy(&self, contribution: &Contribution, pixel: (u32, u32), half: usize, xyz: &[f64; 3]) {
-        let Some(strategies) = &self.strategies else { return };
+    fn add_strategy(
+        &self,
+        contribution: &Contribution,
+        pixel: (u32, u32),
+        half: usize,
+        xyz: &[f64; 3],
+    ) {
+        let Some(strategies) = &self.strategies else {
+            return;
+        };
         let key = (contribution.s, contribution.t);
         {
             // a poisoned lock means another thread is already unwinding; the sums stay consistent
@@ -113,7 +133,9 @@ impl Outputs {
             }
         }
         let mut films = strategies.write().unwrap_or_else(PoisonError::into_inner);
-        let film = films.entry(key).or_insert_with(|| Film::new(self.crop, self.filter.clone(), 3));
+        let film = films
+            .entry(key)
+            .or_insert_with(|| Film::new(self.crop, self.filter.clone(), 3));
         add(film, contribution.target, pixel, half, xyz);
     }
 }

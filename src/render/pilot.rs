@@ -16,7 +16,10 @@ const SHARE: f64 = 0.05;
 #[must_use]
 pub fn roulette_threshold(frame: &Frame, response: &SensorResponse) -> f64 {
     let resolution = frame.scene.sensors[frame.sensor].camera.resolution();
-    let pass = PassSettings { index: PASS, ..PassSettings::default() };
+    let pass = PassSettings {
+        index: PASS,
+        ..PassSettings::default()
+    };
     let mut workspace = Workspace::default();
     let mut sum = 0.0;
     for i in 0..SAMPLES {
@@ -26,7 +29,11 @@ pub fn roulette_threshold(frame: &Frame, response: &SensorResponse) -> f64 {
         let x = (u * f64::from(resolution.width)) as u32;
         let y = (v * f64::from(resolution.height)) as u32;
         let wavelengths = sample_pixel(frame, &pass, (x, y), response, &mut workspace);
-        for contribution in workspace.contributions.iter().filter(|c| c.class.depth() > 0) {
+        for contribution in workspace
+            .contributions
+            .iter()
+            .filter(|c| c.class.depth() > 0)
+        {
             let mut channels = [0.0; 3];
             response.add(&wavelengths, &contribution.lanes, &mut channels);
             sum += channels.iter().sum::<f64>() / 3.0;

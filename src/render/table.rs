@@ -29,13 +29,22 @@ pub struct ClassTable {
 
 impl ClassTable {
     /// Adds the `share` of a contribution that lands on the film, as it counts for the sum over all pixels.
-    pub fn add(&mut self, contribution: &Contribution, share: f64, response: &SensorResponse, wavelengths: &SampledWavelengths) {
+    pub fn add(
+        &mut self,
+        contribution: &Contribution,
+        share: f64,
+        response: &SensorResponse,
+        wavelengths: &SampledWavelengths,
+    ) {
         let y = |lanes: &[f64]| {
             let mut xyz = [0.0; 3];
             response.add(wavelengths, lanes, &mut xyz);
             xyz[1]
         };
-        let row = self.rows.entry((contribution.class, contribution.s, contribution.t)).or_default();
+        let row = self
+            .rows
+            .entry((contribution.class, contribution.s, contribution.t))
+            .or_default();
         let raw = share * y(&contribution.raw);
         row.hits += 1;
         row.raw += raw;

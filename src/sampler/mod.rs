@@ -47,7 +47,12 @@ impl Sampler {
         let epoch = u64::from(index >> 16);
         let pixel_key = combine(combine(seed, u64::from(sensor)), pixel);
         let scramble = combine(pixel_key, (epoch << 1) | half);
-        Self { key: combine(pixel_key, u64::from(pass) | 1 << 40), index: index & 0xffff, scramble, pass }
+        Self {
+            key: combine(pixel_key, u64::from(pass) | 1 << 40),
+            index: index & 0xffff,
+            scramble,
+            pass,
+        }
     }
 
     /// The primary wavelength number of pixel `(x, y)`, stratified over neighboring pixels and passes together.
@@ -117,7 +122,8 @@ impl StreamSampler {
         let set = self.set;
         self.set += 1;
         let counter = u64::from(set) * 4;
-        let fine: [f64; 4] = std::array::from_fn(|i| unit_f64(random_bits(self.key, counter + i as u64)));
+        let fine: [f64; 4] =
+            std::array::from_fn(|i| unit_f64(random_bits(self.key, counter + i as u64)));
         if set >= SOBOL_SETS {
             return fine;
         }
@@ -134,7 +140,9 @@ mod tests {
     #[test]
     fn numbers_are_in_range_and_depend_on_every_part_of_the_key() {
         let first = |seed, sensor, pixel, pass, stream| {
-            let u = Sampler::new(seed, sensor, pixel, pass).stream(stream).next4();
+            let u = Sampler::new(seed, sensor, pixel, pass)
+                .stream(stream)
+                .next4();
             assert!(u.iter().all(|&x| (0.0..1.0).contains(&x)));
             u
         };
@@ -156,7 +164,9 @@ mod tests {
         for half in 0..2 {
             let mut cells = [0; 64];
             for i in 0..64 {
-                let u = Sampler::new(9, 0, 77, 2 * i + half).stream(Stream::Base).next4();
+                let u = Sampler::new(9, 0, 77, 2 * i + half)
+                    .stream(Stream::Base)
+                    .next4();
                 cells[(u[0] * 64.0) as usize] += 1;
             }
             assert_eq!(cells, [1; 64]);
@@ -170,7 +180,8 @@ mod tests {
         let mut hit = vec![0; count];
         for n in n0..n0 + (1 << q) {
             for (x, y) in (y0..y0 + rows).flat_map(|y| (x0..x0 + columns).map(move |x| (x, y))) {
-                let sampler = Sampler::new(seed, 0, u64::from(y) * 1000 + u64::from(x), 2 * n + half);
+                let sampler =
+                    Sampler::new(seed, 0, u64::from(y) * 1000 + u64::from(x), 2 * n + half);
                 let u = sampler.wavelength((x, y), seed);
                 assert!((0.0..1.0).contains(&u));
                 hit[(u * count as f64) as usize] += 1;
@@ -196,12 +207,17 @@ mod tests {
         let (seeds, cells) = (64_000, 8);
         let mut joint = vec![0.0; cells * cells];
         for seed in 0..seeds {
-            let u = [0, 1].map(|pass| Sampler::new(seed, 0, 123, pass).wavelength((3, 2), seed) * cells as f64);
+            let u = [0, 1].map(|pass| {
+                Sampler::new(seed, 0, 123, pass).wavelength((3, 2), seed) * cells as f64
+            });
             joint[u[0] as usize * cells + u[1] as usize] += 1.0;
         }
         // chi-squared with 63 degrees of freedom: 5 standard deviations above the mean
         let expected = seeds as f64 / joint.len() as f64;
-        let chi2: f64 = joint.iter().map(|n: &f64| (n - expected).powi(2) / expected).sum();
+        let chi2: f64 = joint
+            .iter()
+            .map(|n: &f64| (n - expected).powi(2) / expected)
+            .sum();
         assert!(chi2 < 63.0 + 5.0 * 126_f64.sqrt(), "{chi2}");
     }
 }

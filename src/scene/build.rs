@@ -24,7 +24,9 @@ pub enum BuildError {
     #[error("the scene has no light that emits anything in the working range of wavelengths")]
     NoLight,
     /// Rays disagree about the medium around a light or sensor.
-    #[error("cannot tell which medium {what} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it)")]
+    #[error(
+        "cannot tell which medium {what} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it)"
+    )]
     UnclearMedium {
         /// "light" or "sensor".
         what: &'static str,
@@ -37,8 +39,13 @@ pub enum BuildError {
 }
 
 /// Points of a surface at which the medium around it is checked.
-const PROBES: [[f64; 3]; 5] =
-    [[0.5, 0.5, 0.5], [0.1, 0.07, 0.09], [0.9, 0.93, 0.06], [0.3, 0.08, 0.94], [0.7, 0.92, 0.91]];
+const PROBES: [[f64; 3]; 5] = [
+    [0.5, 0.5, 0.5],
+    [0.1, 0.07, 0.09],
+    [0.9, 0.93, 0.06],
+    [0.3, 0.08, 0.94],
+    [0.7, 0.92, 0.91],
+];
 
 impl Scene {
     /// Builds a scene.
@@ -46,8 +53,16 @@ impl Scene {
     /// # Errors
     /// Where the parts are valid by themselves but do not make a scene.
     pub fn build(description: SceneDescription) -> Result<Self, BuildError> {
-        let SceneDescription { media, mut materials, objects: described, lights: free_lights, sensors, wavelengths, ambient, hash } =
-            description;
+        let SceneDescription {
+            media,
+            mut materials,
+            objects: described,
+            lights: free_lights,
+            sensors,
+            wavelengths,
+            ambient,
+            hash,
+        } = description;
         let black = MaterialId(materials.len() as u32);
         materials.push(Material::default());
 
@@ -69,7 +84,10 @@ impl Scene {
         };
         for object in described {
             let id = InstanceId(instances.len() as u32);
-            let instance = Instance { shape: object.shape, transform: object.transform };
+            let instance = Instance {
+                shape: object.shape,
+                transform: object.transform,
+            };
             let light = object.emission.map(|emission| {
                 let light = LightId(lights.len() as u32);
                 lights.push(Light::Area(AreaLight {
@@ -82,7 +100,8 @@ impl Scene {
             });
             instances.push(instance);
             objects.push(Object {
-                clear: materials[object.material.0 as usize].is_clear_interface() && light.is_none(),
+                clear: materials[object.material.0 as usize].is_clear_interface()
+                    && light.is_none(),
                 name: object.name,
                 material: object.material,
                 boundary: object.boundary,
@@ -99,7 +118,10 @@ impl Scene {
         for (index, mut sensor) in sensors.into_iter().enumerate() {
             if let Camera::Detector(detector) = &mut sensor.camera {
                 detector.instance = Some(InstanceId(instances.len() as u32));
-                instances.push(Instance { shape: Shape::Quad, transform: detector.transform.clone() });
+                instances.push(Instance {
+                    shape: Shape::Quad,
+                    transform: detector.transform.clone(),
+                });
                 objects.push(Object {
                     name: sensor.name.clone(),
                     material: black,
@@ -120,7 +142,12 @@ impl Scene {
 
         let accel = Accel::build(instances);
         let (center, radius) = bounding_sphere(&accel);
-        let context = LightContext { accel: &accel, center, radius, time: 0.0 };
+        let context = LightContext {
+            accel: &accel,
+            center,
+            radius,
+            time: 0.0,
+        };
         let powers: Vec<f64> = lights.iter().map(|l| l.power(&context)).collect();
         if !powers.iter().any(|&p| p > 0.0) {
             return Err(BuildError::NoLight);
@@ -130,12 +157,19 @@ impl Scene {
         let mut light_stacks = Vec::with_capacity(lights.len());
         for (light, name) in lights.iter().zip(&light_names) {
             let stack = light_stack(&accel, &objects, &context, light, ambient);
-            light_stacks
-                .push(stack.ok_or_else(|| BuildError::UnclearMedium { what: "light", name: name.clone() })?);
+            light_stacks.push(stack.ok_or_else(|| BuildError::UnclearMedium {
+                what: "light",
+                name: name.clone(),
+            })?);
         }
         for sensor in &mut placed {
-            sensor.stack = sensor_stack(&accel, &objects, &sensor.camera, ambient)
-                .ok_or_else(|| BuildError::UnclearMedium { what: "sensor", name: sensor.name.clone() })?;
+            sensor.stack =
+                sensor_stack(&accel, &objects, &sensor.camera, ambient).ok_or_else(|| {
+                    BuildError::UnclearMedium {
+                        what: "sensor",
+                        name: sensor.name.clone(),
+                    }
+                })?;
         }
         let environments = (0..lights.len())
             .filter(|&i| matches!(lights[i], Light::Environment(_)))
@@ -164,7 +198,11 @@ impl Scene {
 }
 
 /// The distribution of wavelengths for these lights.
-fn distribution(settings: &WavelengthSettings, lights: &[Light], powers: &[f64]) -> WavelengthDistribution {
+fn distribution(
+    settings: &WavelengthSettings,
+    lights: &[Light],
+    powers: &[f64],
+) -> WavelengthDistribution {
     if let WavelengthChoice::Lines(lines) = &settings.choice {
         return WavelengthDistribution::lines(lines);
     }
@@ -181,8 +219,12 @@ fn distribution(settings: &WavelengthSettings, lights: &[Light], powers: &[f64])
         .collect();
     let scene = WavelengthDistribution::scene(&emitters, settings.range_nm);
     match &settings.choice {
-        WavelengthChoice::Uniform => WavelengthDistribution::uniform(settings.range_nm).with_atoms_of(&scene),
-        WavelengthChoice::Visible => WavelengthDistribution::visible(settings.range_nm).with_atoms_of(&scene),
+        WavelengthChoice::Uniform => {
+            WavelengthDistribution::uniform(settings.range_nm).with_atoms_of(&scene)
+        }
+        WavelengthChoice::Visible => {
+            WavelengthDistribution::visible(settings.range_nm).with_atoms_of(&scene)
+        }
         _ => scene,
     }
 }
@@ -207,7 +249,9 @@ fn light_stack(
             let mut found: Option<MediumStack> = None;
             for [u, v, w] in PROBES {
                 let instance = &accel.instances()[area.instance.0 as usize];
-                let point = instance.sample_area(area.instance, context.time, u, DVec2::new(v, w)).point;
+                let point = instance
+                    .sample_area(area.instance, context.time, u, DVec2::new(v, w))
+                    .point;
                 let stack = stack_at(accel, objects, point.p, point.ng, Some(point.id), ambient)?;
                 if found.as_ref().is_some_and(|first| *first != stack) {
                     return None;
@@ -226,13 +270,25 @@ fn light_stack(
     }
 }
 
-fn sensor_stack(accel: &Accel, objects: &[Object], camera: &Camera, ambient: MediumId) -> Option<MediumStack> {
+fn sensor_stack(
+    accel: &Accel,
+    objects: &[Object],
+    camera: &Camera,
+    ambient: MediumId,
+) -> Option<MediumStack> {
     let resolution = camera.resolution();
     let size = DVec2::new(f64::from(resolution.width), f64::from(resolution.height));
     let mut found: Option<MediumStack> = None;
     for [u, v, _] in PROBES {
         let sample = camera.sample_ray(DVec2::new(u, v) * size, DVec2::new(v, u), 0.0);
-        let stack = stack_at(accel, objects, sample.xk.p, sample.xk.n, sample.xk.surface, ambient)?;
+        let stack = stack_at(
+            accel,
+            objects,
+            sample.xk.p,
+            sample.xk.n,
+            sample.xk.surface,
+            ambient,
+        )?;
         if found.as_ref().is_some_and(|first| *first != stack) {
             return None;
         }

@@ -15,19 +15,34 @@ pub struct Effect {
 }
 
 fn effect(name: &'static str, found: Option<String>, none: &str) -> Effect {
-    Effect { name, on: found.is_some(), reason: found.unwrap_or_else(|| none.to_owned()) }
+    Effect {
+        name,
+        on: found.is_some(),
+        reason: found.unwrap_or_else(|| none.to_owned()),
+    }
 }
 
 /// All effects of a scene.
 #[must_use]
 pub fn find_effects(scene: &Scene) -> Vec<Effect> {
     let dispersive = scene.media.iter().find(|m| m.ior.is_dispersive());
-    let absorbing =
-        scene.media.iter().find(|m| m.absorption.is_some() || (m.use_k && m.ior.is_absorbing()));
-    let specular =
-        scene.objects.iter().find(|o| scene.materials[o.material.0 as usize].has_specular());
-    let moving = scene.accel.instances().iter().position(|i| i.transform.is_moving());
-    let lines = scene.lights.iter().position(|l| !l.emission().lines.is_empty());
+    let absorbing = scene
+        .media
+        .iter()
+        .find(|m| m.absorption.is_some() || (m.use_k && m.ior.is_absorbing()));
+    let specular = scene
+        .objects
+        .iter()
+        .find(|o| scene.materials[o.material.0 as usize].has_specular());
+    let moving = scene
+        .accel
+        .instances()
+        .iter()
+        .position(|i| i.transform.is_moving());
+    let lines = scene
+        .lights
+        .iter()
+        .position(|l| !l.emission().lines.is_empty());
     let hidden: Vec<&str> = scene
         .lights
         .iter()
@@ -38,7 +53,12 @@ pub fn find_effects(scene: &Scene) -> Vec<Effect> {
     vec![
         effect(
             "dispersion",
-            dispersive.map(|m| format!("medium \"{}\" has an index that varies with wavelength", m.name)),
+            dispersive.map(|m| {
+                format!(
+                    "medium \"{}\" has an index that varies with wavelength",
+                    m.name
+                )
+            }),
             "no medium has an index that varies with wavelength",
         ),
         effect(
@@ -63,9 +83,7 @@ pub fn find_effects(scene: &Scene) -> Vec<Effect> {
         ),
         effect(
             "delta lights",
-            (!hidden.is_empty()).then(|| {
-                format!("camera paths cannot hit {}", hidden.join(", "))
-            }),
+            (!hidden.is_empty()).then(|| format!("camera paths cannot hit {}", hidden.join(", "))),
             "every light can be hit by camera paths",
         ),
     ]

@@ -92,7 +92,12 @@ impl Scene {
     /// What lights need to know, at a moment.
     #[must_use]
     pub fn light_context(&self, time: f64) -> LightContext<'_> {
-        LightContext { accel: &self.accel, center: self.center, radius: self.radius, time }
+        LightContext {
+            accel: &self.accel,
+            center: self.center,
+            radius: self.radius,
+            time,
+        }
     }
 
     /// Index of the sensor called `name`.

@@ -27,10 +27,19 @@ pub fn stack_at(
     start: Option<SurfaceId>,
     ambient: MediumId,
 ) -> Option<MediumStack> {
-    let frame = Frame::from_z(if normal == DVec3::ZERO { DVec3::Z } else { normal });
+    let frame = Frame::from_z(if normal == DVec3::ZERO {
+        DVec3::Z
+    } else {
+        normal
+    });
     let mut found: Option<MediumStack> = None;
     for direction in DIRECTIONS {
-        let stack = along(accel, objects, Ray::leaving(p, frame.to_outer(direction.normalize()), 0.0, start), ambient)?;
+        let stack = along(
+            accel,
+            objects,
+            Ray::leaving(p, frame.to_outer(direction.normalize()), 0.0, start),
+            ambient,
+        )?;
         if found.as_ref().is_some_and(|first| *first != stack) {
             return None;
         }
@@ -40,11 +49,17 @@ pub fn stack_at(
 }
 
 /// The stack at the origin of one ray: the solids it leaves more often than it enters.
-fn along(accel: &Accel, objects: &[Object], mut ray: Ray, ambient: MediumId) -> Option<MediumStack> {
+fn along(
+    accel: &Accel,
+    objects: &[Object],
+    mut ray: Ray,
+    ambient: MediumId,
+) -> Option<MediumStack> {
     let mut left: Vec<(usize, i32)> = Vec::new();
     let mut outside = None;
     for _ in 0..MOST_CROSSINGS {
-        let Some(hit) = accel.closest(&ray, |id| objects[id.0 as usize].boundary != Boundary::None) else {
+        let Some(hit) = accel.closest(&ray, |id| objects[id.0 as usize].boundary != Boundary::None)
+        else {
             let mut stack = MediumStack::new(outside.unwrap_or(ambient));
             for (index, count) in left {
                 let id = crate::geometry::InstanceId(index as u32);

@@ -41,8 +41,6 @@ pub struct Settings {
     pub pair_probability: f64,
     /// Strategies (s, t) never executed: for tests and studies.
     pub disabled: BTreeSet<(u32, u32)>,
-    /// Paths from a point or parallel light straight or by mirrors into a pinhole have no finite radiance; shown as a blurred disc only on demand.
-    pub show_point_lights: bool,
 }
 
 impl Default for Settings {
@@ -56,7 +54,6 @@ impl Default for Settings {
             heuristic: Heuristic::Balance,
             pair_probability: 0.25,
             disabled: BTreeSet::new(),
-            show_point_lights: false,
         }
     }
 }

@@ -14,7 +14,10 @@ impl PathClass {
     /// The class with no scattering vertex (`LE`).
     #[must_use]
     pub const fn new() -> Self {
-        Self { length: 0, specular: 0 }
+        Self {
+            length: 0,
+            specular: 0,
+        }
     }
 
     /// One more vertex on the sensor side.
@@ -42,7 +45,11 @@ impl fmt::Display for PathClass {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("L")?;
         for i in 0..self.length {
-            f.write_str(if i < 64 && self.specular & (1 << i) != 0 { "S" } else { "D" })?;
+            f.write_str(if i < 64 && self.specular & (1 << i) != 0 {
+                "S"
+            } else {
+                "D"
+            })?;
         }
         f.write_str("E")
     }

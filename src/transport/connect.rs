@@ -47,15 +47,26 @@ pub struct Joiner<'a> {
 fn densities(eval: &BsdfEval) -> (EdgeDensity, EdgeDensity) {
     let lanes = |l: &LaneDensity| l.lanes;
     (
-        EdgeDensity { hero: eval.pdf_camera, lanes: eval.columns.as_ref().map(|c| lanes(&c.0)) },
-        EdgeDensity { hero: eval.pdf_light, lanes: eval.columns.as_ref().map(|c| lanes(&c.1)) },
+        EdgeDensity {
+            hero: eval.pdf_camera,
+            lanes: eval.columns.as_ref().map(|c| lanes(&c.0)),
+        },
+        EdgeDensity {
+            hero: eval.pdf_light,
+            lanes: eval.columns.as_ref().map(|c| lanes(&c.1)),
+        },
     )
 }
 
 /// A surface point as an end point.
 #[must_use]
 pub fn end_point(point: &SurfacePoint) -> EndPoint {
-    EndPoint { p: point.p, n: point.ng, surface: Some(point.id), infinite: false }
+    EndPoint {
+        p: point.p,
+        n: point.ng,
+        surface: Some(point.id),
+        infinite: false,
+    }
 }
 
 /// What turns a density of direction at x₁ (towards the light, at `distance`) into a density of x₀.
@@ -101,7 +112,12 @@ impl<'a> Joiner<'a> {
     }
 
     /// Weighs, plays roulette, looks, and notes the contribution.
-    fn finish(&mut self, numerator: &Numerator, strategy: &Strategy, segment: Option<(&Ray, &Region)>) {
+    fn finish(
+        &mut self,
+        numerator: &Numerator,
+        strategy: &Strategy,
+        segment: Option<(&Ray, &Region)>,
+    ) {
         #[cfg(test)]
         super::record::record(&strategy.view, self.techniques, segment.map(|(ray, _)| ray));
         let count = self.context.count();
@@ -141,7 +157,11 @@ impl<'a> Joiner<'a> {
             let alone = multiplier(&strategy.view, self.techniques, s);
             let dispersed = (0..strategy.view.len()).any(|i| strategy.view.is_dispersive(i));
             for (j, value) in raw.iter_mut().enumerate().take(count) {
-                let techniques = if dispersed { self.context.wavelengths.multiplicity(j) } else { count };
+                let techniques = if dispersed {
+                    self.context.wavelengths.multiplicity(j)
+                } else {
+                    count
+                };
                 let lane = numerator.scale * f64::from(numerator.lanes[j]);
                 *value = lane / (alone * techniques as f64 * survival);
             }
@@ -164,7 +184,10 @@ impl<'a> Joiner<'a> {
         let vertex = &camera.vertices[j];
         let factor = match j.checked_sub(1) {
             Some(previous) => {
-                vertex.toward_previous.dot(camera.vertices[previous].point.ng).abs()
+                vertex
+                    .toward_previous
+                    .dot(camera.vertices[previous].point.ng)
+                    .abs()
                     / (vertex.distance * vertex.distance)
             }
             None => self.sensor_end_factor(&camera.origin, vertex.toward_previous, vertex.distance),
@@ -177,13 +200,19 @@ impl<'a> Joiner<'a> {
         let vertex = &light.vertices[i];
         let factor = match i.checked_sub(1) {
             Some(previous) => {
-                vertex.toward_previous.dot(light.vertices[previous].point.ng).abs()
+                vertex
+                    .toward_previous
+                    .dot(light.vertices[previous].point.ng)
+                    .abs()
                     / (vertex.distance * vertex.distance)
             }
             None => match light.light {
-                Some(id) => {
-                    light_end_factor(self.light(id), &light.origin, vertex.toward_previous, vertex.distance)
-                }
+                Some(id) => light_end_factor(
+                    self.light(id),
+                    &light.origin,
+                    vertex.toward_previous,
+                    vertex.distance,
+                ),
                 None => 0.0,
             },
         };
@@ -193,7 +222,11 @@ impl<'a> Joiner<'a> {
     /// What turns a density of direction towards the sensor into a density of x_k: 0 where it cannot be hit.
     #[must_use]
     pub fn sensor_end_factor(&self, xk: &EndPoint, toward: DVec3, distance: f64) -> f64 {
-        if self.techniques.hittable_sensor { xk.cos(toward) / (distance * distance) } else { 0.0 }
+        if self.techniques.hittable_sensor {
+            xk.cos(toward) / (distance * distance)
+        } else {
+            0.0
+        }
     }
 
     /// Density of x₀ by direct sampling from `x1`, selection included.
@@ -201,29 +234,51 @@ impl<'a> Joiner<'a> {
     pub fn direct_density(&self, id: LightId, x1: DVec3, x0: &EndPoint) -> f64 {
         let scene = self.context.scene;
         scene.selection.probability(id)
-            * self.light(id).direct_density(&self.context.light_context(), x1, x0)
+            * self
+                .light(id)
+                .direct_density(&self.context.light_context(), x1, x0)
     }
 
     /// Emission densities of x₀ and of the next vertex, whose cosine to the segment is `cos`: (`pf_0`, `pf_1`).
-    fn emission(&self, id: LightId, x0: &EndPoint, direction: DVec3, cos: f64, distance: f64) -> (f64, f64) {
+    fn emission(
+        &self,
+        id: LightId,
+        x0: &EndPoint,
+        direction: DVec3,
+        cos: f64,
+        distance: f64,
+    ) -> (f64, f64) {
         let (pdf_x0, pdf_direction) =
-            self.light(id).emission_density(&self.context.light_context(), x0, direction);
+            self.light(id)
+                .emission_density(&self.context.light_context(), x0, direction);
         let next = pdf_direction.area_density(cos, distance * distance);
         (self.context.scene.selection.probability(id) * pdf_x0, next)
     }
 
-    fn class_of(light: Option<(&Subpath, usize)>, camera: Option<(&Subpath, usize)>, edge: &Edge) -> PathClass {
+    fn class_of(
+        light: Option<(&Subpath, usize)>,
+        camera: Option<(&Subpath, usize)>,
+        edge: &Edge,
+    ) -> PathClass {
         // `n` scattering vertices of each sub-path take part; the last of each carries the edge's label
         let mut class = PathClass::new();
         if let Some((path, n)) = light {
             for i in 0..n {
-                let label = if i + 1 == n { edge.light_label } else { path.densities[i + 1].label };
+                let label = if i + 1 == n {
+                    edge.light_label
+                } else {
+                    path.densities[i + 1].label
+                };
                 class.push(label.is_specular());
             }
         }
         if let Some((path, n)) = camera {
             for i in (0..n).rev() {
-                let label = if i + 1 == n { edge.camera_label } else { path.densities[i + 1].label };
+                let label = if i + 1 == n {
+                    edge.camera_label
+                } else {
+                    path.densities[i + 1].label
+                };
                 class.push(label.is_specular());
             }
         }
@@ -260,11 +315,15 @@ impl<'a> Joiner<'a> {
             return;
         }
         self.counters.connections_tried += 1;
-        let at_a = a.bsdf.eval(a.frame.to_local(a.toward_previous), a.frame.to_local(w));
+        let at_a = a
+            .bsdf
+            .eval(a.frame.to_local(a.toward_previous), a.frame.to_local(w));
         if at_a.g.is_black(self.context.count()) {
             return;
         }
-        let at_b = b.bsdf.eval(b.frame.to_local(-w), b.frame.to_local(b.toward_previous));
+        let at_b = b
+            .bsdf
+            .eval(b.frame.to_local(-w), b.frame.to_local(b.toward_previous));
         if at_b.g.is_black(self.context.count()) {
             return;
         }

@@ -96,7 +96,11 @@ impl PathContext<'_> {
     /// One number for a contribution: the mean of the sensor's channels.
     #[must_use]
     pub fn brightness(&self, lanes: &[f64; MAX_LANES]) -> f64 {
-        lanes.iter().zip(&self.response).map(|(value, response)| value * response).sum()
+        lanes
+            .iter()
+            .zip(&self.response)
+            .map(|(value, response)| value * response)
+            .sum()
     }
 
     /// Lanes in use.
@@ -142,7 +146,11 @@ impl PathContext<'_> {
         let hero = self.wavelengths.lambda_nm(0);
         let n = self.count();
         SampledSpectrum::from_fn(|j| {
-            if j < n && self.wavelengths.lambda_nm(j) == hero { 1.0 } else { 0.0 }
+            if j < n && self.wavelengths.lambda_nm(j) == hero {
+                1.0
+            } else {
+                0.0
+            }
         })
     }
 }

@@ -64,7 +64,10 @@ impl EdgeDensity {
     /// Times a geometric factor.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
-        Self { hero: self.hero * factor, lanes: self.lanes.map(|l| l.map(|v| v * factor)) }
+        Self {
+            hero: self.hero * factor,
+            lanes: self.lanes.map(|l| l.map(|v| v * factor)),
+        }
     }
 }
 
@@ -173,7 +176,11 @@ impl PathView<'_> {
     pub fn pf_lane(&self, i: usize, k: usize) -> f64 {
         let s = self.s();
         let stored = |hero: f64, column: u32, columns: &[Column]| {
-            if column == NO_COLUMN { hero } else { columns[column as usize][k] }
+            if column == NO_COLUMN {
+                hero
+            } else {
+                columns[column as usize][k]
+            }
         };
         if i < s {
             let v = &self.light[i];
@@ -194,7 +201,11 @@ impl PathView<'_> {
     pub fn pr_lane(&self, i: usize, k: usize) -> f64 {
         let s = self.s();
         let stored = |hero: f64, column: u32, columns: &[Column]| {
-            if column == NO_COLUMN { hero } else { columns[column as usize][k] }
+            if column == NO_COLUMN {
+                hero
+            } else {
+                columns[column as usize][k]
+            }
         };
         if i >= s {
             let v = &self.camera[self.len() - 1 - i];

@@ -62,7 +62,11 @@ pub fn for_each_term(path: &PathView, techniques: &Techniques, mut term: impl Fn
     for i in (0..s).rev() {
         if i == 0 {
             // here rho is ρ_1, by emission sampling for s >= 2, by direct sampling for s = 1
-            let generated = if s == 1 { path.direct } else { path.light[0].own };
+            let generated = if s == 1 {
+                path.direct
+            } else {
+                path.light[0].own
+            };
             if s >= 2 {
                 // ρ_1 was reached with plain pf_0; strategy 1 would have drawn x₀ directly
                 term(1, rho * path.direct / generated * m(1));
@@ -115,7 +119,11 @@ fn delivers_to_all(path: &PathView, dispersive: usize, s: usize) -> bool {
 
 /// The denominators of all lanes for the executed strategy of the path.
 #[must_use]
-pub fn denominator(path: &PathView, techniques: &Techniques, wavelengths: &SampledWavelengths) -> Denominator {
+pub fn denominator(
+    path: &PathView,
+    techniques: &Techniques,
+    wavelengths: &SampledWavelengths,
+) -> Denominator {
     let power = |v: f64| match techniques.heuristic {
         Heuristic::Balance => v,
         Heuristic::Power2 => v * v,
@@ -182,12 +190,15 @@ fn add_columns(
                 1 => path.direct / generated(0),
                 _ => path.pf(0) / generated(0),
             };
-            let value = multiplier(path, techniques, technique) * first * prefix * suffix[technique];
+            let value =
+                multiplier(path, techniques, technique) * first * prefix * suffix[technique];
             if value > 0.0 {
                 if delivers_to_all(path, dispersive, technique) {
                     out.shared += power(value);
                 } else {
-                    for j in (0..count).filter(|&j| wavelengths.lambda_nm(j) == wavelengths.lambda_nm(k)) {
+                    for j in
+                        (0..count).filter(|&j| wavelengths.lambda_nm(j) == wavelengths.lambda_nm(k))
+                    {
                         out.own[j] += power(value);
                     }
                 }

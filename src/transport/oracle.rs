@@ -37,11 +37,19 @@ impl Random {
 
 fn random_path(random: &mut Random, n: usize, columns: bool, zeros: f64) -> FullPath {
     let mut column = |rough: bool| {
-        let hero = if random.next() < zeros { 0.0 } else { random.density() };
+        let hero = if random.next() < zeros {
+            0.0
+        } else {
+            random.density()
+        };
         let mut lanes = [hero; MAX_LANES];
         if rough && columns {
             for lane in &mut lanes[1..] {
-                *lane = if random.next() < 0.1 { 0.0 } else { hero * (0.5 + random.next()) };
+                *lane = if random.next() < 0.1 {
+                    0.0
+                } else {
+                    hero * (0.5 + random.next())
+                };
             }
         }
         lanes
@@ -53,8 +61,18 @@ fn random_path(random: &mut Random, n: usize, columns: bool, zeros: f64) -> Full
     let interior = |i: usize| i > 0 && i + 1 < n;
     let specular: Vec<bool> = (0..n).map(|i| interior(i) && random.next() < 0.4).collect();
     let dispersive = specular.iter().map(|&s| s && random.next() < 0.3).collect();
-    let direct = if random.next() < 0.1 { 0.0 } else { random.density() };
-    FullPath { pf, pr, direct, specular, dispersive }
+    let direct = if random.next() < 0.1 {
+        0.0
+    } else {
+        random.density()
+    };
+    FullPath {
+        pf,
+        pr,
+        direct,
+        specular,
+        dispersive,
+    }
 }
 
 impl FullPath {
@@ -79,7 +97,11 @@ impl FullPath {
     fn seen_by<T>(&self, s: usize, f: impl FnOnce(&PathView) -> T) -> T {
         let n = self.len();
         let label = |i: usize| {
-            if self.specular[i] { Label::SpecularTransmit } else { Label::NonSpecular }
+            if self.specular[i] {
+                Label::SpecularTransmit
+            } else {
+                Label::NonSpecular
+            }
         };
         let different = |c: &Column| c.iter().any(|v| *v != c[0]);
         let mut columns = Vec::new();
@@ -88,7 +110,10 @@ impl FullPath {
             density.other = other[0];
             density.label = label(i);
             density.dispersive = self.dispersive[i];
-            for (column, index) in [(own, &mut density.own_column), (other, &mut density.other_column)] {
+            for (column, index) in [
+                (own, &mut density.own_column),
+                (other, &mut density.other_column),
+            ] {
                 if different(column) {
                     *index = columns.len() as u32;
                     columns.push(*column);
@@ -98,18 +123,30 @@ impl FullPath {
             }
             density
         };
-        let light: Vec<_> = (0..s).map(|i| vertex(&self.pf[i], &self.pr[i], i)).collect();
-        let camera: Vec<_> = (s..n).rev().map(|i| vertex(&self.pr[i], &self.pf[i], i)).collect();
+        let light: Vec<_> = (0..s)
+            .map(|i| vertex(&self.pf[i], &self.pr[i], i))
+            .collect();
+        let camera: Vec<_> = (s..n)
+            .rev()
+            .map(|i| vertex(&self.pr[i], &self.pf[i], i))
+            .collect();
         let edge_density = |table: &[Column], i: Option<usize>| match i.filter(|&i| i < n) {
             None => EdgeDensity::default(),
-            Some(i) => EdgeDensity { hero: table[i][0], lanes: different(&table[i]).then_some(table[i]) },
+            Some(i) => EdgeDensity {
+                hero: table[i][0],
+                lanes: different(&table[i]).then_some(table[i]),
+            },
         };
         let edge = Edge {
             light_end: edge_density(&self.pr, s.checked_sub(1)),
             light_before: edge_density(&self.pr, s.checked_sub(2)),
             camera_end: edge_density(&self.pf, Some(s)),
             camera_before: edge_density(&self.pf, Some(s + 1)),
-            light_label: if s > 0 { label(s - 1) } else { Label::NonSpecular },
+            light_label: if s > 0 {
+                label(s - 1)
+            } else {
+                Label::NonSpecular
+            },
             camera_label: if s < n { label(s) } else { Label::NonSpecular },
             light_dispersive: s > 0 && self.dispersive[s - 1],
             camera_dispersive: s < n && self.dispersive[s],
@@ -126,7 +163,10 @@ impl FullPath {
 }
 
 fn random_techniques(random: &mut Random, n: usize) -> Techniques {
-    let mut settings = Settings { pair_probability: 0.05 + 0.95 * random.next(), ..Settings::default() };
+    let mut settings = Settings {
+        pair_probability: 0.05 + 0.95 * random.next(),
+        ..Settings::default()
+    };
     if random.next() < 0.3 {
         settings.heuristic = Heuristic::Power2;
     }
@@ -177,8 +217,17 @@ fn denominator_by_definition(
     sum
 }
 
-fn check(seed: u64, columns: bool, zeros: f64, lengths: std::ops::RangeInclusive<usize>, rounds: usize) {
-    let mut random = Random { key: seed, counter: 0 };
+fn check(
+    seed: u64,
+    columns: bool,
+    zeros: f64,
+    lengths: std::ops::RangeInclusive<usize>,
+    rounds: usize,
+) {
+    let mut random = Random {
+        key: seed,
+        counter: 0,
+    };
     let continuous = WavelengthDistribution::uniform([360.0, 830.0]);
     let lines = WavelengthDistribution::lines(&[450.0, 550.0, 650.0]);
     let (mut executed_strategies, mut worst_sum, mut worst_lane) = (0, 0.0_f64, 0.0_f64);
@@ -188,7 +237,11 @@ fn check(seed: u64, columns: bool, zeros: f64, lengths: std::ops::RangeInclusive
         let path = random_path(&mut random, n, columns, zeros);
         let techniques = random_techniques(&mut random, n);
         let count = [1, 4, 8][(random.next() * 3.0) as usize];
-        let distribution = if random.next() < 0.3 { &lines } else { &continuous };
+        let distribution = if random.next() < 0.3 {
+            &lines
+        } else {
+            &continuous
+        };
         let wavelengths = distribution.sample(random.next(), count);
         let mut weight_sum = 0.0;
         let mut possible = 0;
@@ -205,7 +258,11 @@ fn check(seed: u64, columns: bool, zeros: f64, lengths: std::ops::RangeInclusive
                 let all: Denominator = denominator(view, &techniques, &wavelengths);
                 for j in 0..count {
                     let base = path.density(s, 0);
-                    let base = if techniques.heuristic == Heuristic::Power2 { base * base } else { base };
+                    let base = if techniques.heuristic == Heuristic::Power2 {
+                        base * base
+                    } else {
+                        base
+                    };
                     let expected =
                         denominator_by_definition(&path, view, &techniques, &wavelengths, j) / base;
                     let found = all.shared + all.own[j];
@@ -220,7 +277,10 @@ fn check(seed: u64, columns: bool, zeros: f64, lengths: std::ops::RangeInclusive
             worst_sum = worst_sum.max((weight_sum - 1.0).abs());
         }
     }
-    assert!(executed_strategies > rounds, "only {executed_strategies} strategies could be checked");
+    assert!(
+        executed_strategies > rounds,
+        "only {executed_strategies} strategies could be checked"
+    );
     // n products of f64, each with a rounding of 1.1e-16
     assert!(worst_sum < 1e-12, "weights sum to 1 {worst_sum:e}");
     assert!(worst_lane < 1e-12, "denominators differ by {worst_lane:e}");
@@ -254,7 +314,11 @@ fn a_planted_error_is_seen() {
             path.seen_by(s, |view| {
                 let mut total = 0.0;
                 for_each_term(view, &techniques, |i, term| {
-                    total += if Some(i) == planted { 1.02 * term } else { term };
+                    total += if Some(i) == planted {
+                        1.02 * term
+                    } else {
+                        term
+                    };
                 });
                 sum += multiplier(view, &techniques, s) / total;
             });
@@ -262,6 +326,8 @@ fn a_planted_error_is_seen() {
         sum
     };
     assert!((weight_sum(None) - 1.0).abs() < 1e-12);
-    let worst = (0..=5).map(|s| (weight_sum(Some(s)) - 1.0).abs()).fold(0.0, f64::max);
+    let worst = (0..=5)
+        .map(|s| (weight_sum(Some(s)) - 1.0).abs())
+        .fold(0.0, f64::max);
     assert!(worst > 2e-3, "{worst}");
 }

@@ -113,8 +113,16 @@ pub struct Subpath {
 impl Default for Subpath {
     fn default() -> Self {
         Self {
-            origin: EndPoint { p: DVec3::ZERO, n: DVec3::ZERO, surface: None, infinite: false },
-            region: Region { medium: MediumId::AMBIENT, rank: None },
+            origin: EndPoint {
+                p: DVec3::ZERO,
+                n: DVec3::ZERO,
+                surface: None,
+                infinite: false,
+            },
+            region: Region {
+                medium: MediumId::AMBIENT,
+                rank: None,
+            },
             light: None,
             vertices: Vec::new(),
             densities: Vec::new(),

@@ -15,7 +15,10 @@ impl Throughput {
     /// `scale` in every lane.
     #[must_use]
     pub const fn splat(scale: f64) -> Self {
-        Self { scale, lanes: SampledSpectrum::ONE }
+        Self {
+            scale,
+            lanes: SampledSpectrum::ONE,
+        }
     }
 
     /// Times a spectrum.
@@ -27,16 +30,25 @@ impl Throughput {
         if max > 0.0 && max.is_finite() && !(1e-3..=1e3).contains(&max) {
             let exponent = max.log2().floor() as i32;
             let shift = 2.0_f64.powi(exponent);
-            Self { scale: self.scale * shift, lanes: lanes.map(|v| (f64::from(v) / shift) as f32) }
+            Self {
+                scale: self.scale * shift,
+                lanes: lanes.map(|v| (f64::from(v) / shift) as f32),
+            }
         } else {
-            Self { scale: self.scale, lanes }
+            Self {
+                scale: self.scale,
+                lanes,
+            }
         }
     }
 
     /// Times a number.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
-        Self { scale: self.scale * factor, ..self }
+        Self {
+            scale: self.scale * factor,
+            ..self
+        }
     }
 
     /// The largest of the first `count` lanes.

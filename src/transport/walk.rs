@@ -53,16 +53,19 @@ impl Travel {
 
     fn solid_angle(&self) -> EdgeDensity {
         match self {
-            Self::Start(DirectionalDensity::SolidAngle(pdf) | DirectionalDensity::Perpendicular(pdf)) => {
-                EdgeDensity::uniform(*pdf)
-            }
+            Self::Start(
+                DirectionalDensity::SolidAngle(pdf) | DirectionalDensity::Perpendicular(pdf),
+            ) => EdgeDensity::uniform(*pdf),
             Self::Scattered(pdf) => *pdf,
         }
     }
 }
 
 fn edge_density(hero: f64, lanes: Option<&LaneDensity>) -> EdgeDensity {
-    EdgeDensity { hero, lanes: lanes.map(|l| l.lanes) }
+    EdgeDensity {
+        hero,
+        lanes: lanes.map(|l| l.lanes),
+    }
 }
 
 /// Extends `path` (already restarted) by up to `max_vertices` scattering vertices. `generate` is the side its directions lead to:
@@ -78,7 +81,13 @@ pub fn walk(
     end_factor: impl Fn(&Vertex) -> f64,
 ) {
     let scene = context.scene;
-    let Start { mut ray, mut stack, mut throughput, pdf, infinite } = start;
+    let Start {
+        mut ray,
+        mut stack,
+        mut throughput,
+        pdf,
+        infinite,
+    } = start;
     let reference = throughput.max_lane(context.count());
     let mut travel = Travel::Start(pdf);
     // distance passed through surfaces that are no vertices
@@ -90,8 +99,11 @@ pub fn walk(
             let mut density = VertexDensity::new(own.hero);
             density.own_column = path.store_column(&own);
             path.densities.push(density);
-            path.escape =
-                Some(Escape { direction: ray.d, medium: stack.medium(), throughput });
+            path.escape = Some(Escape {
+                direction: ray.d,
+                medium: stack.medium(),
+                throughput,
+            });
             return;
         };
         let object = &scene.objects[hit.id.instance.0 as usize];
@@ -101,7 +113,9 @@ pub fn walk(
         let through = |ray: &Ray| Ray::leaving(point.p, ray.d, ray.time, Some(point.id));
 
         if object.sensor == Some(context.sensor) && generate == Side::Camera {
-            record_sensor_hit(context, path, &point, ray.d, distance, &stack, &travel, infinite, throughput);
+            record_sensor_hit(
+                context, path, &point, ray.d, distance, &stack, &travel, infinite, throughput,
+            );
         }
         if object.sensor.is_some() {
             if !object.transparent_sensor {
@@ -132,20 +146,36 @@ pub fn walk(
         let geometric_cos = ray.d.dot(point.ng).abs();
         let own = travel.area_density(geometric_cos, distance * distance);
         let (here, there) = (stack.region(), behind.region());
-        let regions = if entering { [here, there] } else { [there, here] };
-        let (above, below) = (context.medium(regions[0].medium), context.medium(regions[1].medium));
+        let regions = if entering {
+            [here, there]
+        } else {
+            [there, here]
+        };
+        let (above, below) = (
+            context.medium(regions[0].medium),
+            context.medium(regions[1].medium),
+        );
         let interface = Interface {
             eta_above: above.eta,
             eta_below: below.eta,
             count: context.count(),
-            dispersive: (above.dispersive || below.dispersive) && regions[0].medium != regions[1].medium,
+            dispersive: (above.dispersive || below.dispersive)
+                && regions[0].medium != regions[1].medium,
         };
         let vertex = Vertex {
-            bsdf: scene.materials[object.material.0 as usize].bsdf(&point, &context.wavelengths, &interface),
+            bsdf: scene.materials[object.material.0 as usize].bsdf(
+                &point,
+                &context.wavelengths,
+                &interface,
+            ),
             frame: Frame::from_z(point.ns),
             regions,
             toward_previous: -ray.d,
-            distance: if infinite && path.vertices.is_empty() { f64::INFINITY } else { distance },
+            distance: if infinite && path.vertices.is_empty() {
+                f64::INFINITY
+            } else {
+                distance
+            },
             throughput,
             light: object.light,
             point,
@@ -180,7 +210,10 @@ pub fn walk(
         if (w.dot(vertex.point.ng) > 0.0) != (vertex.toward_previous.dot(vertex.point.ng) > 0.0) {
             stack = behind;
         }
-        travel = Travel::Scattered(edge_density(sample.pdf, sample.columns.as_ref().map(|c| &c.0)));
+        travel = Travel::Scattered(edge_density(
+            sample.pdf,
+            sample.columns.as_ref().map(|c| &c.0),
+        ));
         ray = Ray::leaving(vertex.point.p, w, context.time, Some(vertex.point.id));
         passed = 0.0;
     }
@@ -200,7 +233,11 @@ fn survival(index: usize, weight: f64) -> f64 {
     if index < ROULETTE_AFTER {
         return if weight > 0.0 { 1.0 } else { 0.0 };
     }
-    let most = if index < ENDLESS_AFTER { 1.0 } else { ENDLESS_SURVIVAL };
+    let most = if index < ENDLESS_AFTER {
+        1.0
+    } else {
+        ENDLESS_SURVIVAL
+    };
     if weight > 0.0 { weight.min(most) } else { 0.0 }
 }
 
@@ -219,9 +256,9 @@ fn next_throughput(
     match generate {
         Side::Light => next,
         // the correction of the light side's direction, which a light walk arrives from, and the measure of the other
-        Side::Camera => {
-            next.scaled(vertex.light_side_correction(vertex.toward_previous) / vertex.light_side_correction(w))
-        }
+        Side::Camera => next.scaled(
+            vertex.light_side_correction(vertex.toward_previous) / vertex.light_side_correction(w),
+        ),
     }
 }
 
@@ -266,11 +303,20 @@ fn record_sensor_hit(
     let cos = direction.dot(point.ng).abs();
     path.sensor_hits.push(SensorHit {
         depth: path.vertices.len(),
-        xk: EndPoint { p: point.p, n: point.ng, surface: Some(point.id), infinite: false },
+        xk: EndPoint {
+            p: point.p,
+            n: point.ng,
+            surface: Some(point.id),
+            infinite: false,
+        },
         raster,
         importance,
         toward_previous: -direction,
-        distance: if infinite && path.vertices.is_empty() { f64::INFINITY } else { distance },
+        distance: if infinite && path.vertices.is_empty() {
+            f64::INFINITY
+        } else {
+            distance
+        },
         medium: stack.medium(),
         own: travel.area_density(cos, distance * distance),
         throughput: throughput.times(&context.medium(stack.medium()).transmittance(distance)),

@@ -21,13 +21,24 @@ fn torus(path: &Path) -> io::Result<()> {
         for j in 0..across {
             let theta = TAU * f64::from(j) / f64::from(across);
             let radius = 0.6 + 0.22 * theta.cos();
-            writeln!(out, "v {} {} {}", radius * phi.cos(), 0.22 * theta.sin(), radius * phi.sin())?;
+            writeln!(
+                out,
+                "v {} {} {}",
+                radius * phi.cos(),
+                0.22 * theta.sin(),
+                radius * phi.sin()
+            )?;
         }
     }
     let vertex = |i: i32, j: i32| (i % around) * across + j % across + 1;
     for i in 0..around {
         for j in 0..across {
-            let [a, b, c, d] = [vertex(i, j), vertex(i, j + 1), vertex(i + 1, j + 1), vertex(i + 1, j)];
+            let [a, b, c, d] = [
+                vertex(i, j),
+                vertex(i, j + 1),
+                vertex(i + 1, j + 1),
+                vertex(i + 1, j),
+            ];
             writeln!(out, "f {a} {b} {c}\nf {a} {c} {d}")?;
         }
     }
@@ -66,7 +77,12 @@ fn bumpy_sphere(path: &Path) -> io::Result<()> {
             let [c, d] = [vertex(row + 1, column + 1), vertex(row + 1, column)];
             writeln!(out, "f {a} {b} {c}\nf {a} {c} {d}")?;
         }
-        writeln!(out, "f {} {} {south}", vertex(rows - 1, column), vertex(rows - 1, column + 1))?;
+        writeln!(
+            out,
+            "f {} {} {south}",
+            vertex(rows - 1, column),
+            vertex(rows - 1, column + 1)
+        )?;
     }
     out.flush()
 }

@@ -1,6 +1,10 @@
 //! The same numbers for any number of threads, any order of pixels, any split into passes, and any crop.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking"
+)]
 
 use super::harness::{Estimate, full_crop, scene, with};
 use abbe::film::{Crop, Film};

@@ -23,12 +23,18 @@ impl Estimate {
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        Self { mean, error: (variance / n).sqrt() }
+        Self {
+            mean,
+            error: (variance / n).sqrt(),
+        }
     }
 
     /// The same in another unit.
     pub fn scaled(&self, factor: f64) -> Self {
-        Self { mean: self.mean * factor, error: self.error * factor }
+        Self {
+            mean: self.mean * factor,
+            error: self.error * factor,
+        }
     }
 
     /// How many standard errors lie between two estimates.
@@ -38,34 +44,55 @@ impl Estimate {
 
     /// Fails if the estimate is more than 4.5 standard errors from an exact value (p = 7e-6), or too coarse to tell.
     pub fn assert_is(&self, what: &str, expected: f64, resolution: f64) {
-        println!("{what}: {:.6} for {expected:.6}, standard error {:.1e} of it", self.mean, self.error / expected.abs());
+        println!(
+            "{what}: {:.6} for {expected:.6}, standard error {:.1e} of it",
+            self.mean,
+            self.error / expected.abs()
+        );
         assert!(
             self.error <= resolution * expected.abs(),
             "{what}: {self:?} does not resolve {resolution} of {expected}"
         );
         let deviation = (self.mean - expected).abs() / self.error.max(1e-300);
-        assert!(deviation < 4.5, "{what}: {self:?}, expected {expected} ({deviation:.1} standard errors)");
+        assert!(
+            deviation < 4.5,
+            "{what}: {self:?}, expected {expected} ({deviation:.1} standard errors)"
+        );
     }
 }
 
 /// Multiplies sample counts: `ABBE_TEST_SCALE`.
 pub fn test_scale() -> u32 {
-    std::env::var("ABBE_TEST_SCALE").ok().and_then(|v| v.parse().ok()).unwrap_or(1)
+    std::env::var("ABBE_TEST_SCALE")
+        .ok()
+        .and_then(|v| v.parse().ok())
+        .unwrap_or(1)
 }
 
 pub fn scene(text: &str) -> (Scene, Settings) {
-    scene_in(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/render"), text)
+    scene_in(
+        &Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/render"),
+        text,
+    )
 }
 
 /// A scene whose files lie in `folder`.
 pub fn scene_in(folder: &Path, text: &str) -> (Scene, Settings) {
     let loaded = parse_str(text, folder).unwrap_or_else(|e| panic!("{e}"));
-    (Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}")), loaded.settings)
+    (
+        Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}")),
+        loaded.settings,
+    )
 }
 
 pub fn full_crop(scene: &Scene) -> Crop {
     let resolution = scene.sensors[0].camera.resolution();
-    Crop { x0: 0, y0: 0, x1: resolution.width, y1: resolution.height }
+    Crop {
+        x0: 0,
+        y0: 0,
+        x1: resolution.width,
+        y1: resolution.height,
+    }
 }
 
 /// What one series of batches measured.
@@ -83,59 +110,121 @@ pub struct Measured {
 type Batch = (f64, Vec<f64>, BTreeMap<(String, u32, u32), (f64, f64)>);
 
 /// Renders `batches` independent images of `passes` passes each, in parallel.
-pub fn measure(scene: &Scene, settings: &Settings, batches: u32, passes: u32, classes: &[&str]) -> Measured {
-    let classes: Vec<Regex> = classes.iter().map(|c| Regex::new(&format!("^{c}$")).unwrap()).collect();
-    let all: Vec<Batch> =
-        (0..batches).into_par_iter().map(|batch| one_batch(scene, settings, batch, passes, &classes)).collect();
+pub fn measure(
+    scene: &Scene,
+    settings: &Settings,
+    batches: u32,
+    passes: u32,
+    classes: &[&str],
+) -> Measured {
+    let classes: Vec<Regex> = classes
+        .iter()
+        .map(|c| Regex::new(&format!("^{c}$")).unwrap())
+        .collect();
+    let all: Vec<Batch> = (0..batches)
+        .into_par_iter()
+        .map(|batch| one_batch(scene, settings, batch, passes, &classes))
+        .collect();
     let y: Vec<f64> = all.iter().map(|b| b.0).collect();
-    let per_class: Vec<Vec<f64>> =
-        (0..classes.len()).map(|i| all.iter().map(|b| b.1[i]).collect()).collect();
+    let per_class: Vec<Vec<f64>> = (0..classes.len())
+        .map(|i| all.iter().map(|b| b.1[i]).collect())
+        .collect();
     let mut per_strategy: BTreeMap<(String, u32, u32), Vec<(f64, f64)>> = BTreeMap::new();
     for (i, batch) in all.iter().enumerate() {
         for (key, value) in &batch.2 {
-            per_strategy.entry(key.clone()).or_insert_with(|| vec![(0.0, 0.0); all.len()])[i] = *value;
+            per_strategy
+                .entry(key.clone())
+                .or_insert_with(|| vec![(0.0, 0.0); all.len()])[i] = *value;
         }
     }
     let split = |values: Vec<(f64, f64)>| {
         let raw: Vec<f64> = values.iter().map(|v| v.0).collect();
         let weighted: Vec<f64> = values.iter().map(|v| v.1).collect();
-        (Estimate::from_batches(&raw), Estimate::from_batches(&weighted))
+        (
+            Estimate::from_batches(&raw),
+            Estimate::from_batches(&weighted),
+        )
     };
     Measured {
         y: Estimate::from_batches(&y),
-        classes: per_class.iter().map(|v| Estimate::from_batches(v)).collect(),
-        strategies: per_strategy.into_iter().map(|(k, v)| (k, split(v))).collect(),
+        classes: per_class
+            .iter()
+            .map(|v| Estimate::from_batches(v))
+            .collect(),
+        strategies: per_strategy
+            .into_iter()
+            .map(|(k, v)| (k, split(v)))
+            .collect(),
     }
 }
 
-fn one_batch(scene: &Scene, settings: &Settings, batch: u32, passes: u32, classes: &[Regex]) -> Batch {
-    let settings = Settings { seed: combine(settings.seed, u64::from(batch) + 1), ..settings.clone() };
-    let request = OutputRequest { classes: classes.to_vec(), class_table: true, ..OutputRequest::default() };
+fn one_batch(
+    scene: &Scene,
+    settings: &Settings,
+    batch: u32,
+    passes: u32,
+    classes: &[Regex],
+) -> Batch {
+    let settings = Settings {
+        seed: combine(settings.seed, u64::from(batch) + 1),
+        ..settings.clone()
+    };
+    let request = OutputRequest {
+        classes: classes.to_vec(),
+        class_table: true,
+        ..OutputRequest::default()
+    };
     let crop = full_crop(scene);
     let mut render = Render::new(scene, 0, &settings, crop, &request);
     for pass in 0..passes {
         render.add_pass(pass);
     }
-    assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
-    assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
+    assert_eq!(
+        render.counters().non_finite,
+        0,
+        "contributions that are not finite"
+    );
+    assert_eq!(
+        render.counters().medium_mismatches,
+        0,
+        "surfaces met from the wrong medium"
+    );
     let pixels = crop.pixels() as f64;
     let mean_y = |film: &abbe::film::Film| {
-        film.image(u64::from(passes)).iter().skip(1).step_by(3).sum::<f64>() / pixels
+        film.image(u64::from(passes))
+            .iter()
+            .skip(1)
+            .step_by(3)
+            .sum::<f64>()
+            / pixels
     };
     let norm = pixels * f64::from(passes);
     (
         mean_y(&render.outputs().image),
-        render.outputs().classes.iter().map(|(_, film)| mean_y(film)).collect(),
+        render
+            .outputs()
+            .classes
+            .iter()
+            .map(|(_, film)| mean_y(film))
+            .collect(),
         render
             .table()
             .rows()
-            .map(|(&(class, s, t), row)| ((class.to_string(), s, t), (row.raw / norm, row.weighted / norm)))
+            .map(|(&(class, s, t), row)| {
+                (
+                    (class.to_string(), s, t),
+                    (row.raw / norm, row.weighted / norm),
+                )
+            })
             .collect(),
     )
 }
 
 pub fn with(settings: &Settings, integrator: IntegratorKind) -> Settings {
-    Settings { integrator, ..settings.clone() }
+    Settings {
+        integrator,
+        ..settings.clone()
+    }
 }
 
 /// Independent images of one sensor, `[batch][line][pixel]`: the power of each of the scene's emission lines, ascending.
@@ -149,29 +238,56 @@ pub fn line_images(
     let lines: Vec<f64> = scene.wavelengths.atoms().map(|atom| atom.0).collect();
     let count = lines.len();
     let resolution = scene.sensors[sensor].camera.resolution();
-    let crop = Crop { x0: 0, y0: 0, x1: resolution.width, y1: resolution.height };
+    let crop = Crop {
+        x0: 0,
+        y0: 0,
+        x1: resolution.width,
+        y1: resolution.height,
+    };
     let response = SensorResponse::Spectral(SpectralChannels::new([360.0, 830.0], 0, lines));
-    let request = OutputRequest { spectral: Some(response), ..OutputRequest::default() };
+    let request = OutputRequest {
+        spectral: Some(response),
+        ..OutputRequest::default()
+    };
     (0..batches)
         .into_par_iter()
         .map(|batch| {
             let seed = combine(settings.seed, u64::from(batch) + 1);
-            let settings = Settings { seed, ..settings.clone() };
+            let settings = Settings {
+                seed,
+                ..settings.clone()
+            };
             let mut render = Render::new(scene, sensor, &settings, crop, &request);
             for pass in 0..passes {
                 render.add_pass(pass);
             }
-            assert_eq!(render.counters().non_finite, 0, "contributions that are not finite");
-            assert_eq!(render.counters().medium_mismatches, 0, "surfaces met from the wrong medium");
+            assert_eq!(
+                render.counters().non_finite,
+                0,
+                "contributions that are not finite"
+            );
+            assert_eq!(
+                render.counters().medium_mismatches,
+                0,
+                "surfaces met from the wrong medium"
+            );
             let (_, film) = render.outputs().spectral.as_ref().expect("asked for above");
             let image = film.image(u64::from(passes));
-            (0..count).map(|line| image.iter().skip(line).step_by(count).copied().collect()).collect()
+            (0..count)
+                .map(|line| image.iter().skip(line).step_by(count).copied().collect())
+                .collect()
         })
         .collect()
 }
 
 /// Mean over the film of the only line of [`line_images`].
-pub fn line_mean(scene: &Scene, sensor: usize, settings: &Settings, batches: u32, passes: u32) -> Estimate {
+pub fn line_mean(
+    scene: &Scene,
+    sensor: usize,
+    settings: &Settings,
+    batches: u32,
+    passes: u32,
+) -> Estimate {
     let images = line_images(scene, sensor, settings, batches, passes);
     let means: Vec<f64> = images.iter().map(|image| mean(&image[0])).collect();
     Estimate::from_batches(&means)

@@ -2,7 +2,11 @@
 //!
 //! X, Y and Z of 1, 4 and 8 lanes are compared pairwise: 45 comparisons at 4.5 standard errors (p = 7e-6 each, 3e-4 for the family).
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking"
+)]
 
 use super::harness::{Estimate, full_crop, scene, test_scale};
 use abbe::io::scene_file::load;

@@ -1,6 +1,9 @@
 //! Whole renders of small scenes: integrators against each other, against closed forms, and against themselves.
 
-#![allow(clippy::print_stdout, reason = "measured numbers are shown with --nocapture")]
+#![allow(
+    clippy::print_stdout,
+    reason = "measured numbers are shown with --nocapture"
+)]
 
 mod closed_forms;
 mod determinism;

@@ -3,7 +3,11 @@
 //!
 //! A power of two changes no rounding, so it must leave every bit; other factors change only rounding.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking"
+)]
 
 use super::harness::full_crop;
 use abbe::film::Film;

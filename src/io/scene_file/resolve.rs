@@ -4,8 +4,8 @@
 use super::document::Source;
 use super::error::{Problem, SceneFileError, SceneFileErrors};
 use super::plan::{
-    AbsorptionPlan, IorPlan, LightKind, LightPlan, LobePlan, MediumPlan, MeshPlan, ObjectPlan, Plan, SensorKind,
-    SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
+    AbsorptionPlan, IorPlan, LightKind, LightPlan, LobePlan, MediumPlan, MeshPlan, ObjectPlan,
+    Plan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
 };
 use super::schema::FilterName;
 use crate::camera::detector::Detector;
@@ -15,12 +15,12 @@ use crate::camera::{Camera, Resolution};
 use crate::film::Filter;
 use crate::geometry::{Mesh, Shape, Transform};
 use crate::io::obj;
+use crate::light::Light;
 use crate::light::beam::BeamLight;
 use crate::light::directional::DirectionalLight;
 use crate::light::environment::EnvironmentLight;
 use crate::light::point::PointLight;
 use crate::light::spot::SpotLight;
-use crate::light::Light;
 use crate::material::{LobeSpec, Material, MaterialId};
 use crate::medium::{Boundary, Medium, MediumId};
 use crate::scene::description::{
@@ -36,9 +36,17 @@ use std::sync::Arc;
 ///
 /// # Errors
 /// Unknown library names, indices without data, meshes that cannot be read or are not closed where they must be.
-pub fn resolve(plan: Plan, hash: u64, source: &Source) -> Result<SceneDescription, SceneFileErrors> {
-    let mut resolver =
-        Resolver { library: Library::embedded(), source, range_nm: plan.wavelengths.range_nm, errors: Vec::new() };
+pub fn resolve(
+    plan: Plan,
+    hash: u64,
+    source: &Source,
+) -> Result<SceneDescription, SceneFileErrors> {
+    let mut resolver = Resolver {
+        library: Library::embedded(),
+        source,
+        range_nm: plan.wavelengths.range_nm,
+        errors: Vec::new(),
+    };
     let description = resolver.scene(plan, hash);
     match SceneFileErrors::from_unsorted(resolver.errors) {
         None => Ok(description),
@@ -63,8 +71,16 @@ impl Resolver<'_> {
         let meshes: Vec<Option<Arc<Mesh>>> = plan.meshes.iter().map(|m| self.mesh(m)).collect();
         SceneDescription {
             media: plan.media.iter().map(|m| self.medium(m)).collect(),
-            materials: plan.materials.iter().map(|lobes| self.material(lobes)).collect(),
-            objects: plan.objects.iter().filter_map(|o| self.object(o, &meshes)).collect(),
+            materials: plan
+                .materials
+                .iter()
+                .map(|lobes| self.material(lobes))
+                .collect(),
+            objects: plan
+                .objects
+                .iter()
+                .filter_map(|o| self.object(o, &meshes))
+                .collect(),
             lights: plan.lights.iter().map(|l| self.light(l)).collect(),
             sensors: plan.sensors.iter().map(sensor).collect(),
             wavelengths: plan.wavelengths,
@@ -75,7 +91,11 @@ impl Resolver<'_> {
 
     fn unknown(&mut self, at: &Span, error: LibraryError) {
         let problem = match error {
-            LibraryError::Unknown { kind, name, suggestions } => Problem::Unknown {
+            LibraryError::Unknown {
+                kind,
+                name,
+                suggestions,
+            } => Problem::Unknown {
                 what: kind,
                 name,
                 suggestion: suggestions.into_iter().next(),
@@ -98,7 +118,10 @@ impl Resolver<'_> {
                 }
             },
             SpectrumSource::Table(rows) => table(rows),
-            SpectrumSource::Blackbody(temp_k) => Curve::Blackbody { temp_k: *temp_k, scale: 1.0 },
+            SpectrumSource::Blackbody(temp_k) => Curve::Blackbody {
+                temp_k: *temp_k,
+                scale: 1.0,
+            },
             // rejected when the file was checked
             SpectrumSource::Lines(_) => Curve::Constant(0.0),
         };
@@ -117,7 +140,14 @@ impl Resolver<'_> {
         if largest > 1.0 {
             let value = largest.to_string();
             let what = "the largest value of a reflectance or transmittance".to_owned();
-            self.error(&plan.at, Problem::Range { what, value, allowed: "0 to 1" });
+            self.error(
+                &plan.at,
+                Problem::Range {
+                    what,
+                    value,
+                    allowed: "0 to 1",
+                },
+            );
         }
         curve
     }
@@ -133,10 +163,15 @@ impl Resolver<'_> {
                 }
             },
             SpectrumSource::Lines(rows) => Emission::from_lines(
-                rows.iter().map(|&[lambda_nm, value]| Line { lambda_nm, value }).collect(),
+                rows.iter()
+                    .map(|&[lambda_nm, value]| Line { lambda_nm, value })
+                    .collect(),
             ),
             _ => {
-                let unscaled = SpectrumPlan { scale: 1.0, ..plan.clone() };
+                let unscaled = SpectrumPlan {
+                    scale: 1.0,
+                    ..plan.clone()
+                };
                 Emission::from_curve(self.curve(&unscaled))
             }
         };
@@ -152,13 +187,15 @@ impl Resolver<'_> {
                 (Ior::constant(*n).with_k(Curve::Constant(*k)), 0..0)
             }
             IorPlan::Constant { n, .. } => (Ior::constant(*n), 0..0),
-            IorPlan::Glass { name, at } | IorPlan::Metal { name, at } => match self.library.ior(name) {
-                Ok(ior) => (ior, at.clone()),
-                Err(error) => {
-                    self.unknown(at, error);
-                    return Ior::constant(1.5);
+            IorPlan::Glass { name, at } | IorPlan::Metal { name, at } => {
+                match self.library.ior(name) {
+                    Ok(ior) => (ior, at.clone()),
+                    Err(error) => {
+                        self.unknown(at, error);
+                        return Ior::constant(1.5);
+                    }
                 }
-            },
+            }
             IorPlan::Cauchy(c) => {
                 let mut coefficients = vec![c.first().copied().unwrap_or(1.0)];
                 for (i, value) in c.iter().enumerate().skip(1) {
@@ -167,17 +204,27 @@ impl Resolver<'_> {
                 (self.formula(5, coefficients, "Cauchy"), 0..0)
             }
             IorPlan::Sellmeier(terms) => {
-                let coefficients = std::iter::once(0.0).chain(terms.iter().flatten().copied()).collect();
+                let coefficients = std::iter::once(0.0)
+                    .chain(terms.iter().flatten().copied())
+                    .collect();
                 (self.formula(2, coefficients, "Sellmeier"), 0..0)
             }
-            IorPlan::Table { rows, extrapolate, at } => {
+            IorPlan::Table {
+                rows,
+                extrapolate,
+                at,
+            } => {
                 let column = |i: usize| rows.iter().map(|r| r[i]).collect::<Vec<f64>>();
-                let ior = Ior::table(&column(0), &column(1), &column(2)).with_extrapolation(*extrapolate);
+                let ior =
+                    Ior::table(&column(0), &column(1), &column(2)).with_extrapolation(*extrapolate);
                 (ior.named("the table", "the scene file"), at.clone())
             }
         };
-        let valid =
-            if conductor { ior.validate_conductor(self.range_nm) } else { ior.validate(self.range_nm) };
+        let valid = if conductor {
+            ior.validate_conductor(self.range_nm)
+        } else {
+            ior.validate(self.range_nm)
+        };
         if let Err(error) = valid {
             self.error(&at, Problem::Conflict(error.to_string()));
         }
@@ -212,24 +259,40 @@ impl Resolver<'_> {
     }
 
     fn material(&mut self, lobes: &[(f64, LobePlan)]) -> Material {
-        Material { lobes: lobes.iter().map(|(weight, lobe)| (*weight, self.lobe(lobe))).collect() }
+        Material {
+            lobes: lobes
+                .iter()
+                .map(|(weight, lobe)| (*weight, self.lobe(lobe)))
+                .collect(),
+        }
     }
 
     fn lobe(&mut self, plan: &LobePlan) -> LobeSpec {
         match plan {
-            LobePlan::Diffuse { reflectance } => LobeSpec::Diffuse { reflectance: self.reflectance(reflectance) },
-            LobePlan::Mirror { reflectance } => LobeSpec::Mirror { reflectance: self.reflectance(reflectance) },
-            LobePlan::Conductor { ior, alpha, tint } => {
-                LobeSpec::Conductor { ior: self.ior(ior, true), alpha: *alpha, tint: self.reflectance(tint) }
-            }
-            LobePlan::Dielectric { alpha, reflect_tint, transmit_tint } => LobeSpec::Dielectric {
+            LobePlan::Diffuse { reflectance } => LobeSpec::Diffuse {
+                reflectance: self.reflectance(reflectance),
+            },
+            LobePlan::Mirror { reflectance } => LobeSpec::Mirror {
+                reflectance: self.reflectance(reflectance),
+            },
+            LobePlan::Conductor { ior, alpha, tint } => LobeSpec::Conductor {
+                ior: self.ior(ior, true),
+                alpha: *alpha,
+                tint: self.reflectance(tint),
+            },
+            LobePlan::Dielectric {
+                alpha,
+                reflect_tint,
+                transmit_tint,
+            } => LobeSpec::Dielectric {
                 alpha: *alpha,
                 reflect_tint: self.reflectance(reflect_tint),
                 transmit_tint: self.reflectance(transmit_tint),
             },
-            LobePlan::Thin { ior, transmit_tint } => {
-                LobeSpec::Thin { ior: self.ior(ior, false), transmit_tint: self.reflectance(transmit_tint) }
-            }
+            LobePlan::Thin { ior, transmit_tint } => LobeSpec::Thin {
+                ior: self.ior(ior, false),
+                transmit_tint: self.reflectance(transmit_tint),
+            },
         }
     }
 
@@ -238,14 +301,24 @@ impl Resolver<'_> {
             Ok(mesh) => Some(Arc::new(mesh)),
             Err(error) => {
                 let message = error.to_string();
-                self.error(&plan.at, Problem::BadFile { path: plan.name.clone(), message });
+                self.error(
+                    &plan.at,
+                    Problem::BadFile {
+                        path: plan.name.clone(),
+                        message,
+                    },
+                );
                 None
             }
         }
     }
 
     /// `None` where its mesh could not be read, which has been reported.
-    fn object(&mut self, plan: &ObjectPlan, meshes: &[Option<Arc<Mesh>>]) -> Option<ObjectDescription> {
+    fn object(
+        &mut self,
+        plan: &ObjectPlan,
+        meshes: &[Option<Arc<Mesh>>],
+    ) -> Option<ObjectDescription> {
         let shape = match plan.shape {
             ShapePlan::Sphere => Shape::Sphere,
             ShapePlan::Disk { inner } => Shape::Disk { inner },
@@ -254,15 +327,20 @@ impl Resolver<'_> {
             ShapePlan::Box => Shape::Box,
             ShapePlan::Mesh(index) => Shape::Mesh(meshes.get(index)?.clone()?),
         };
-        if let (Some(at), Boundary::Solid { .. }, false) = (&plan.interior_at, plan.boundary, shape.is_closed()) {
+        if let (Some(at), Boundary::Solid { .. }, false) =
+            (&plan.interior_at, plan.boundary, shape.is_closed())
+        {
             let message = "the mesh is not closed, so it has no interior (every edge needs two triangles that run \
                            through it in opposite directions)";
             self.error(at, Problem::Conflict(message.to_owned()));
         }
-        let emission = plan.emission.as_ref().map(|(spectrum, two_sided)| AreaEmission {
-            radiance: self.emission(spectrum),
-            two_sided: *two_sided,
-        });
+        let emission = plan
+            .emission
+            .as_ref()
+            .map(|(spectrum, two_sided)| AreaEmission {
+                radiance: self.emission(spectrum),
+                two_sided: *two_sided,
+            });
         Some(ObjectDescription {
             name: plan.name.clone(),
             shape,
@@ -275,24 +353,48 @@ impl Resolver<'_> {
 
     fn light(&mut self, plan: &LightPlan) -> LightDescription {
         let light = match &plan.kind {
-            LightKind::Point { position, intensity } => {
-                Light::Point(PointLight::at(*position, self.emission(intensity)))
-            }
-            LightKind::Spot { position, direction, inner_rad, outer_rad, intensity } => {
+            LightKind::Point {
+                position,
+                intensity,
+            } => Light::Point(PointLight::at(*position, self.emission(intensity))),
+            LightKind::Spot {
+                position,
+                direction,
+                inner_rad,
+                outer_rad,
+                intensity,
+            } => {
                 let intensity = self.emission(intensity);
-                Light::Spot(SpotLight::aimed(*position, *direction, intensity, *outer_rad, *inner_rad))
+                Light::Spot(SpotLight::aimed(
+                    *position, *direction, intensity, *outer_rad, *inner_rad,
+                ))
             }
-            LightKind::Directional { direction, irradiance } => {
-                Light::Directional(DirectionalLight::along(*direction, self.emission(irradiance)))
-            }
-            LightKind::Beam { position, direction, radius_m, irradiance } => {
-                Light::Beam(BeamLight::aimed(*position, *direction, self.emission(irradiance), *radius_m))
-            }
-            LightKind::Environment { radiance } => {
-                Light::Environment(EnvironmentLight { radiance: self.emission(radiance) })
-            }
+            LightKind::Directional {
+                direction,
+                irradiance,
+            } => Light::Directional(DirectionalLight::along(
+                *direction,
+                self.emission(irradiance),
+            )),
+            LightKind::Beam {
+                position,
+                direction,
+                radius_m,
+                irradiance,
+            } => Light::Beam(BeamLight::aimed(
+                *position,
+                *direction,
+                self.emission(irradiance),
+                *radius_m,
+            )),
+            LightKind::Environment { radiance } => Light::Environment(EnvironmentLight {
+                radiance: self.emission(radiance),
+            }),
         };
-        LightDescription { name: plan.name.clone(), light }
+        LightDescription {
+            name: plan.name.clone(),
+            light,
+        }
     }
 }
 
@@ -310,7 +412,9 @@ fn coefficient_of(transmittance: &Curve, distance_m: f64, [low, high]: [f64; 2])
         return Curve::Constant(coefficient(low));
     }
     let steps = (high - low).ceil().max(1.0) as usize;
-    let nm: Vec<f64> = (0..=steps).map(|i| low + (high - low) * i as f64 / steps as f64).collect();
+    let nm: Vec<f64> = (0..=steps)
+        .map(|i| low + (high - low) * i as f64 / steps as f64)
+        .collect();
     let values: Vec<f64> = nm.iter().map(|&nm| coefficient(nm)).collect();
     Curve::table(&nm, &values)
 }
@@ -319,16 +423,37 @@ fn sensor(plan: &SensorPlan) -> SensorDescription {
     let [width, height] = plan.resolution;
     let resolution = Resolution { width, height };
     let camera = match plan.kind {
-        SensorKind::Perspective { to_world, fov_rad, aperture_radius_m, focus_distance_m } => {
-            let lens = (aperture_radius_m > 0.0)
-                .then_some(ThinLens { radius_m: aperture_radius_m, focus_distance_m });
-            Camera::Perspective(Perspective::new(Transform::fixed(to_world), resolution, fov_rad, lens))
+        SensorKind::Perspective {
+            to_world,
+            fov_rad,
+            aperture_radius_m,
+            focus_distance_m,
+        } => {
+            let lens = (aperture_radius_m > 0.0).then_some(ThinLens {
+                radius_m: aperture_radius_m,
+                focus_distance_m,
+            });
+            Camera::Perspective(Perspective::new(
+                Transform::fixed(to_world),
+                resolution,
+                fov_rad,
+                lens,
+            ))
         }
         SensorKind::Orthographic { to_world, height_m } => {
             let width_m = height_m * f64::from(width) / f64::from(height);
-            Camera::Orthographic(Orthographic::new(Transform::fixed(to_world), resolution, width_m))
+            Camera::Orthographic(Orthographic::new(
+                Transform::fixed(to_world),
+                resolution,
+                width_m,
+            ))
         }
-        SensorKind::Detector { center, u, v, transparent } => {
+        SensorKind::Detector {
+            center,
+            u,
+            v,
+            transparent,
+        } => {
             let axes = DMat3::from_cols(u.normalize(), v.normalize(), u.cross(v).normalize());
             let pose = DAffine3::from_mat3_translation(axes, center);
             let mut detector = Detector::new(pose, 2.0 * u.length(), 2.0 * v.length(), resolution);
@@ -337,10 +462,21 @@ fn sensor(plan: &SensorPlan) -> SensorDescription {
         }
     };
     let filter = match (plan.filter, plan.filter_radius, &camera) {
-        (None | Some(FilterName::Box), _, Camera::Detector(_)) | (Some(FilterName::Box), _, _) => Filter::Box,
-        (Some(FilterName::Tent), radius, _) => Filter::Tent { radius: radius.unwrap_or(1.0) },
+        (None | Some(FilterName::Box), _, Camera::Detector(_)) | (Some(FilterName::Box), _, _) => {
+            Filter::Box
+        }
+        (Some(FilterName::Tent), radius, _) => Filter::Tent {
+            radius: radius.unwrap_or(1.0),
+        },
         (_, None, _) => Filter::default(),
-        (_, Some(radius), _) => Filter::Gaussian { sigma: radius / 3.0, radius },
+        (_, Some(radius), _) => Filter::Gaussian {
+            sigma: radius / 3.0,
+            radius,
+        },
     };
-    SensorDescription { name: plan.name.clone(), camera, filter }
+    SensorDescription {
+        name: plan.name.clone(),
+        camera,
+        filter,
+    }
 }

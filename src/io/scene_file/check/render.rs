@@ -57,9 +57,6 @@ impl Checker<'_> {
                 .map_or(defaults.pair_probability, |p| {
                     self.number("pair_probability", p, PROBABILITY)
                 }),
-            show_point_lights: render
-                .show_point_lights
-                .unwrap_or(defaults.show_point_lights),
             ..defaults
         };
         let wavelengths = render.wavelengths.as_ref().map(|w| self.wavelengths(w));

@@ -42,7 +42,6 @@ pub struct Render {
     pub pair_probability: Option<At<f64>>,
     pub wavelengths: Option<At<Wavelengths>>,
     pub units: Option<OutputUnits>,
-    pub show_point_lights: Option<bool>,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
