@@ -51,7 +51,7 @@ impl<'a> Render<'a> {
         request: &OutputRequest,
     ) -> Self {
         let frame = Frame::new(scene, sensor, settings, &crop, request.class_table);
-        let outputs = Outputs::new(request, crop, scene.sensors[sensor].filter.clone());
+        let outputs = Outputs::new(request, crop, scene.sensors[sensor].filter);
         let roulette_threshold = pilot::roulette_threshold(&frame, &outputs.response);
         Self {
             frame,

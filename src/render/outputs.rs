@@ -55,7 +55,7 @@ impl Outputs {
     /// Empty images.
     #[must_use]
     pub fn new(request: &OutputRequest, crop: Crop, filter: Filter) -> Self {
-        let film = |channels| Film::new(crop, filter.clone(), channels);
+        let film = |channels| Film::new(crop, filter, channels);
         Self {
             response: request.response.clone(),
             image: film(3),
@@ -135,7 +135,7 @@ impl Outputs {
         let mut films = strategies.write().unwrap_or_else(PoisonError::into_inner);
         let film = films
             .entry(key)
-            .or_insert_with(|| Film::new(self.crop, self.filter.clone(), 3));
+            .or_insert_with(|| Film::new(self.crop, self.filter, 3));
         add(film, contribution.target, pixel, half, xyz);
     }
 }

@@ -303,10 +303,11 @@ impl<'a> Joiner<'a> {
         }
         let distance = d2.sqrt();
         let w = offset / distance;
-        if !(a.sides_agree(w) && b.sides_agree(-w))
-            || !a.sides_agree(a.toward_previous)
-            || !b.sides_agree(b.toward_previous)
-        {
+        let sides_agree = a.sides_agree(w)
+            && b.sides_agree(-w)
+            && a.sides_agree(a.toward_previous)
+            && b.sides_agree(b.toward_previous);
+        if !sides_agree {
             return;
         }
         let region = a.region(w);

@@ -184,14 +184,13 @@ fn add_columns(
             suffix[i] = suffix[i + 1] * path.pr_lane(i, k) / generated(i);
         }
         let mut prefix = 1.0;
-        for technique in 0..=n {
+        for (technique, &behind) in suffix.iter().enumerate() {
             let first = match technique {
                 0 => 1.0,
                 1 => path.direct / generated(0),
                 _ => path.pf(0) / generated(0),
             };
-            let value =
-                multiplier(path, techniques, technique) * first * prefix * suffix[technique];
+            let value = multiplier(path, techniques, technique) * first * prefix * behind;
             if value > 0.0 {
                 if delivers_to_all(path, dispersive, technique) {
                     out.shared += power(value);

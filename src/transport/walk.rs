@@ -34,6 +34,10 @@ pub struct Start {
     pub pdf: DirectionalDensity,
     /// Length of the first segment does not count (the start lies at infinity).
     pub infinite: bool,
+    /// The side its directions lead to: `Side::Light` for a camera walk.
+    pub generate: Side,
+    /// At most this many scattering vertices.
+    pub max_vertices: usize,
 }
 
 /// Density of the direction a walk travels in.
@@ -68,14 +72,11 @@ fn edge_density(hero: f64, lanes: Option<&LaneDensity>) -> EdgeDensity {
     }
 }
 
-/// Extends `path` (already restarted) by up to `max_vertices` scattering vertices. `generate` is the side its directions lead to:
-/// `Side::Light` for a camera walk. `end_factor` is what turns a density of direction at the first vertex into a density of the start.
+/// Extends `path` (already restarted) by scattering vertices. `end_factor` is what turns a density of direction at the first vertex into a density of the start.
 pub fn walk(
     context: &PathContext,
     path: &mut Subpath,
     start: Start,
-    generate: Side,
-    max_vertices: usize,
     numbers: &mut StreamSampler,
     counters: &mut Counters,
     end_factor: impl Fn(&Vertex) -> f64,
@@ -87,6 +88,8 @@ pub fn walk(
         mut throughput,
         pdf,
         infinite,
+        generate,
+        max_vertices,
     } = start;
     let reference = throughput.max_lane(context.count());
     let mut travel = Travel::Start(pdf);
@@ -251,7 +254,7 @@ fn next_throughput(
 ) -> Throughput {
     let mut next = vertex.throughput.times(&sample.weight);
     if sample.dispersive {
-        next.lanes = next.lanes * context.hero_lanes();
+        next.lanes *= context.hero_lanes();
     }
     match generate {
         Side::Light => next,

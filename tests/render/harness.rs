@@ -119,7 +119,7 @@ pub fn measure(
 ) -> Measured {
     let classes: Vec<Regex> = classes
         .iter()
-        .map(|c| Regex::new(&format!("^{c}$")).unwrap())
+        .map(|c| Regex::new(&format!("^{c}$")).expect("invariant: tests give valid expressions"))
         .collect();
     let all: Vec<Batch> = (0..batches)
         .into_par_iter()

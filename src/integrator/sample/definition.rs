@@ -387,7 +387,8 @@ impl<'a> Finished<'a> {
 
 fn differs(a: f64, b: f64) -> bool {
     // NaN differs from everything
-    !((a - b).abs() <= TOLERANCE * a.abs().max(b.abs()))
+    let near = (a - b).abs() <= TOLERANCE * a.abs().max(b.abs());
+    !near
 }
 
 /// `m(s) P̃(s)`: the product of all densities of strategy `s`, times what it is executed with.

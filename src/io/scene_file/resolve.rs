@@ -125,12 +125,11 @@ impl Resolver<'_> {
             // rejected when the file was checked
             SpectrumSource::Lines(_) => Curve::Constant(0.0),
         };
-        let curve = match (curve, plan.scale) {
+        match (curve, plan.scale) {
             (Curve::Constant(value), scale) => Curve::Constant(value * scale),
             (curve, 1.0) => curve,
             (curve, scale) => curve.scaled(scale),
-        };
-        curve
+        }
     }
 
     /// A spectrum that may not exceed 1.

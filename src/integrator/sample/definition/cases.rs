@@ -23,8 +23,9 @@ fn smooth_sphere(n: usize) -> String {
     for ring in 0..n {
         for column in 0..columns {
             // all corners at a pole are one
-            let at =
-                |r: usize, c: usize| 1 + r * columns + if r % n == 0 { 0 } else { c % columns };
+            let at = |r: usize, c: usize| {
+                1 + r * columns + if r.is_multiple_of(n) { 0 } else { c % columns }
+            };
             let corners = [
                 at(ring, column),
                 at(ring, column + 1),
