@@ -37,6 +37,7 @@ pub fn valid_part() -> Vec<u8> {
     let dir = tempfile::tempdir().expect("temporary folder");
     let path = dir.path().join("a.part");
     let header = part::PartHeader {
+        image: std::collections::BTreeMap::new(),
         version: "0.1.0".to_owned(),
         scene_hash: 1,
         settings_hash: 2,
