@@ -85,7 +85,8 @@ pub fn sample_pixel(
     let scene = frame.scene;
     let settings = frame.settings;
     let sensor = &scene.sensors[frame.sensor];
-    let width = sensor.camera.resolution().width;
+    let resolution = sensor.camera.resolution();
+    let (width, height) = (resolution.width, resolution.height);
     let pixel = u64::from(y) * u64::from(width) + u64::from(x);
     let sampler = Sampler::new(settings.seed, frame.sensor as u32, pixel, pass.index);
     let mut base = sampler.stream(Stream::Base);
@@ -97,7 +98,7 @@ pub fn sample_pixel(
         settings.lanes
     };
     let u_wavelength = pass.shared.map_or_else(
-        || sampler.wavelength((x, y), settings.seed),
+        || sampler.wavelength((x, y), (width, height), settings.seed),
         |shared| shared.u_wavelength,
     );
     let wavelengths = scene.wavelengths.sample(u_wavelength, lanes);

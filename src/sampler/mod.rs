@@ -55,13 +55,14 @@ impl Sampler {
         }
     }
 
-    /// The primary wavelength number of pixel `(x, y)`, stratified over neighboring pixels and passes together.
+    /// The primary wavelength number of a pixel of a film of `size` columns and rows, stratified over neighboring pixels and passes
+    /// together.
     #[must_use]
-    pub fn wavelength(&self, (x, y): (u32, u32), seed: u64) -> f64 {
+    pub fn wavelength(&self, pixel: (u32, u32), size: (u32, u32), seed: u64) -> f64 {
         // the same for all pixels, but not for the two halves of the passes
         let common = combine(combine(seed, 0x5741_5645), u64::from(self.pass & 1));
         // bit r is binary digit r + 1 of the number
-        let digits = morton(x, y) ^ pascal(self.pass >> 1);
+        let digits = pixel_digits(pixel, size) ^ pascal(self.pass >> 1);
         let stratum = owen_scramble_rev(digits, common as u32).reverse_bits();
         // the hash fills the bits that the net leaves
         (f64::from(stratum) + unit_f64(random_bits(self.key, u64::MAX))) * (1.0 / 4_294_967_296.0)
@@ -78,6 +79,15 @@ impl Sampler {
             set: 0,
         }
     }
+}
+
+/// A number for each pixel that is near for near pixels: the bits of x and y interleaved as far as both have any, then the rest of
+/// the longer side (a film of one row has no bits of y, which would stay the same for all its pixels).
+fn pixel_digits((x, y): (u32, u32), (width, height): (u32, u32)) -> u32 {
+    let bits = |n: u32| u32::BITS - n.saturating_sub(1).leading_zeros();
+    let shared = bits(width).min(bits(height)).min(15);
+    let low = (1 << shared) - 1;
+    morton(x & low, y & low) | ((x >> shared) | (y >> shared)) << (2 * shared)
 }
 
 /// The lower 16 bits of both, interleaved.
@@ -182,7 +192,7 @@ mod tests {
             for (x, y) in (y0..y0 + rows).flat_map(|y| (x0..x0 + columns).map(move |x| (x, y))) {
                 let sampler =
                     Sampler::new(seed, 0, u64::from(y) * 1000 + u64::from(x), 2 * n + half);
-                let u = sampler.wavelength((x, y), seed);
+                let u = sampler.wavelength((x, y), (4096, 4096), seed);
                 assert!((0.0..1.0).contains(&u));
                 hit[(u * count as f64) as usize] += 1;
             }
@@ -203,12 +213,22 @@ mod tests {
     }
 
     #[test]
+    fn one_pass_of_a_single_row_has_all_wavelengths() {
+        let mut hit = vec![0; 64];
+        for x in 0..64 {
+            let u = Sampler::new(5, 0, u64::from(x), 0).wavelength((x, 0), (64, 1), 5);
+            hit[(u * 64.0) as usize] += 1;
+        }
+        assert_eq!(hit, [1; 64]);
+    }
+
+    #[test]
     fn wavelengths_of_a_pixel_are_uniform_over_seeds_and_the_halves_are_independent() {
         let (seeds, cells) = (64_000, 8);
         let mut joint = vec![0.0; cells * cells];
         for seed in 0..seeds {
             let u = [0, 1].map(|pass| {
-                Sampler::new(seed, 0, 123, pass).wavelength((3, 2), seed) * cells as f64
+                Sampler::new(seed, 0, 123, pass).wavelength((3, 2), (64, 64), seed) * cells as f64
             });
             joint[u[0] as usize * cells + u[1] as usize] += 1.0;
         }

@@ -272,7 +272,7 @@ emission = 3
         ),
         batches: 16,
         passes: [400, 0, 160],
-        classes: &["LDE", "LDSSE", "LSSE"],
+        classes: &["LDE", "LDDE", "LDSSE"],
         resolution: 2.5e-3,
     });
 }
@@ -358,7 +358,7 @@ directional = { direction = [0.3, -1, 0.2], irradiance = 0.5 }
 beam = { position = [0, 2, 0.2], direction = [-0.1, -1, 0], radius = 0.2, irradiance = 2 }
 "#,
         batches: 16,
-        passes: [1200, 700, 500],
+        passes: [1200, 4000, 500],
         classes: &["LE", "LDE", "LDDE"],
         resolution: 1.5e-3,
     });
