@@ -30,7 +30,7 @@ pub struct Frame<'a> {
     /// Render settings.
     pub settings: &'a Settings,
     /// Executed strategies.
-    pub techniques: Techniques,
+    pub techniques: Techniques<'a>,
     /// Also compute raw values (for tables of strategies).
     pub with_raw: bool,
 }
@@ -179,10 +179,15 @@ pub fn sample_pixel(
     }
 
     let margin = sensor.filter.margin();
+    let techniques = Techniques {
+        cone: pass.cone,
+        ..frame.techniques
+    };
     let mut joiner = Joiner {
         context: &context,
-        techniques: &frame.techniques,
+        techniques: &techniques,
         max_depth,
+        hide_points: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: frame.with_raw,
         numbers: sampler.stream(Stream::Connect),
         counters,
