@@ -36,19 +36,19 @@ impl Cone {
         }
     }
 
-    /// Of pass `index` = 0, 1, ...: ε = max(ε_min, ε₁ (index + 1)^(−1/6)), for which squared bias and variance of one regularized
-    /// vertex fall alike. A function of the global pass index alone.
-    #[must_use]
-    pub fn of_pass(epsilon_first: f64, epsilon_min: f64, index: u32) -> Self {
-        let shrunk = epsilon_first * (f64::from(index) + 1.0).powf(-1.0 / 6.0);
-        Self::new(shrunk.max(epsilon_min))
-    }
-
     /// Whether two unit directions are within ε of each other. By the chord: a cosine near 1 has no digits left.
     #[must_use]
     pub fn contains(&self, axis: DVec3, w: DVec3) -> bool {
         axis.distance_squared(w) < self.chord_squared
     }
+}
+
+/// Half-aperture of pass `index` = 0, 1, ...: max(ε_min, ε₁ (index + 1)^(−1/6)), for which squared bias and variance of one
+/// regularized vertex fall alike (both as n^(−2/3)).
+#[must_use]
+pub fn scheduled_epsilon(epsilon_first: f64, epsilon_min: f64, index: u32) -> f64 {
+    let shrunk = epsilon_first * (f64::from(index) + 1.0).powf(-1.0 / 6.0);
+    shrunk.max(epsilon_min)
 }
 
 /// A specular label at the end of a connection.
