@@ -22,7 +22,7 @@ pub(super) const WIDTH: usize = 8;
 /// Most boxes in a tree, and in one of its leaves.
 pub(super) const LIMIT: usize = 1 << 29;
 pub(super) const LEAF_LIMIT: usize = 4;
-/// Pending nodes that need no allocation; a tree of a million triangles needs about 60.
+/// Pending children that need no allocation; the tree over a million triangles has at most 60.
 const STACK: usize = 96;
 
 /// Eight boxes and what they hold. Unused ones are inside out, and never hit.
@@ -193,23 +193,16 @@ impl Tree {
 
     /// Visits runs of boxes; `leaf` returns the length beyond which nothing matters any more.
     #[inline(always)]
-    fn traverse(&self, entry: &Entry, leaf: impl FnMut(Range<u32>) -> f32) {
-        if self.pending <= STACK {
-            self.traverse_with(&mut [0; STACK], entry, leaf);
+    fn traverse(&self, entry: &Entry, mut leaf: impl FnMut(Range<u32>) -> f32) {
+        // What is still to be visited, nearest last: distance in the upper half (positive floats sort like their bits),
+        // child in the lower.
+        let (mut few, mut many) = ([0u64; STACK], Vec::new());
+        let pending = if self.pending <= STACK {
+            few.as_mut_slice()
         } else {
-            self.traverse_with(&mut vec![0; self.pending], entry, leaf);
-        }
-    }
-
-    /// `pending` holds what is still to be visited, nearest last: distance in the upper half (positive floats sort like
-    /// their bits), child in the lower.
-    #[inline(always)]
-    fn traverse_with(
-        &self,
-        pending: &mut [u64],
-        entry: &Entry,
-        mut leaf: impl FnMut(Range<u32>) -> f32,
-    ) {
+            many.resize(self.pending, 0);
+            many.as_mut_slice()
+        };
         let mut limit = entry.limit;
         let mut len = 0;
         let mut child = Child::node(0);
@@ -297,19 +290,18 @@ impl Node {
     }
 }
 
-/// Most pending children below the root, children following their parents.
+/// Most children pending at a time; children follow their parents.
 fn pending(nodes: &[Node]) -> usize {
-    let mut needs = vec![0u32; nodes.len()];
+    let mut most = vec![0u32; nodes.len()];
     for (i, node) in nodes.iter().enumerate().rev() {
-        let children = node.children.iter().filter(|c| c.0 != Child::NONE.0);
-        let (mut count, mut below) = (0, 0);
-        for child in children {
+        let (mut count, mut below) = (0u32, 0);
+        for child in node.children.iter().filter(|c| c.0 != Child::NONE.0) {
             count += 1;
             if child.0 < Child::LEAF {
-                below = below.max(needs[child.0 as usize]);
+                below = below.max(most[child.0 as usize]);
             }
         }
-        needs[i] = count + below;
+        most[i] = count.max(count.saturating_sub(1) + below);
     }
-    needs.first().map_or(0, |&n| n as usize)
+    most.first().map_or(0, |&n| n as usize)
 }

@@ -148,9 +148,10 @@ impl TriangleFilter {
     #[must_use]
     #[inline(always)]
     pub fn passes(&self, row: impl Fn(usize) -> Vec4) -> bool {
-        let [x, y, z] = [0, 1, 2].map(|i| row(self.axes[i]) - Vec4::splat(self.origin[i]));
-        let x = x - Vec4::splat(self.shear[0]) * z;
-        let y = y - Vec4::splat(self.shear[1]) * z;
+        let from_start = |i: usize| row(self.axes[i]) - Vec4::splat(self.origin[i]);
+        let z = from_start(2);
+        let x = from_start(0) - Vec4::splat(self.shear[0]) * z;
+        let y = from_start(1) - Vec4::splat(self.shear[1]) * z;
         let edges = x * y.yzxw() - y * x.yzxw();
         let sizes = x.abs() + y.abs();
         let tiny = 2f32.powi(-120);
