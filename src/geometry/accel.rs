@@ -75,26 +75,30 @@ impl Accel {
         let mut best: Option<Hit> = None;
         let mut t_best = ray.t_max;
         let entry = top.tree.enter(ray.o, ray.d, ray.t_max)?;
-        top.tree.closest(entry, |leaf| {
-            let instance = InstanceId(top.order[leaf.start as usize]);
-            if !visible(instance) {
-                return None;
-            }
-            let (shape, local) = self.local(ray, instance, t_best);
-            let (t, prim, uv) = match shape {
-                Shape::Mesh(mesh) => mesh.closest(&local)?,
-                _ => shape
-                    .analytic_hit(&local)
-                    .map(|(t, prim)| (t, prim, DVec2::ZERO))?,
-            };
-            best = Some(Hit {
-                t,
-                id: SurfaceId { instance, prim },
-                uv,
-            });
-            t_best = t;
-            Some(t)
-        });
+        top.tree.closest(
+            entry,
+            |_| (),
+            |leaf| {
+                let instance = InstanceId(top.order[leaf.start as usize]);
+                if !visible(instance) {
+                    return None;
+                }
+                let (shape, local) = self.local(ray, instance, t_best);
+                let (t, prim, uv) = match shape {
+                    Shape::Mesh(mesh) => mesh.closest(&local)?,
+                    _ => shape
+                        .analytic_hit(&local)
+                        .map(|(t, prim)| (t, prim, DVec2::ZERO))?,
+                };
+                best = Some(Hit {
+                    t,
+                    id: SurfaceId { instance, prim },
+                    uv,
+                });
+                t_best = t;
+                Some(t)
+            },
+        );
         best
     }
 
@@ -106,17 +110,21 @@ impl Accel {
         let Some(entry) = top.tree.enter(ray.o, ray.d, ray.t_max) else {
             return false;
         };
-        top.tree.any(entry, |leaf| {
-            let instance = InstanceId(top.order[leaf.start as usize]);
-            if !opaque(instance) {
-                return false;
-            }
-            let (shape, local) = self.local(ray, instance, ray.t_max);
-            match shape {
-                Shape::Mesh(mesh) => mesh.occluded(&local),
-                _ => shape.analytic_hit(&local).is_some(),
-            }
-        })
+        top.tree.any(
+            entry,
+            |_| (),
+            |leaf| {
+                let instance = InstanceId(top.order[leaf.start as usize]);
+                if !opaque(instance) {
+                    return false;
+                }
+                let (shape, local) = self.local(ray, instance, ray.t_max);
+                match shape {
+                    Shape::Mesh(mesh) => mesh.occluded(&local),
+                    _ => shape.analytic_hit(&local).is_some(),
+                }
+            },
+        )
     }
 
     /// Full local geometry of a hit: position refined onto the surface, normals, uv.

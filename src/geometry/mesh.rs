@@ -260,7 +260,8 @@ impl Mesh {
         let prepared = self.prepare(ray, &entry);
         let mut best = None;
         let mut t_best = ray.t_max;
-        self.tree.closest(entry, |prims| {
+        let fetch = |prim| self.triangles.fetch(prim);
+        self.tree.closest(entry, fetch, |prims| {
             let mut nearer = None;
             for prim in prims {
                 if let Some(hit) = self.hit(ray, &prepared, prim, t_best) {
@@ -281,7 +282,8 @@ impl Mesh {
             return false;
         };
         let prepared = self.prepare(ray, &entry);
-        self.tree.any(entry, |mut prims| {
+        let fetch = |prim| self.triangles.fetch(prim);
+        self.tree.any(entry, fetch, |mut prims| {
             prims.any(|prim| self.hit(ray, &prepared, prim, ray.t_max).is_some())
         })
     }

@@ -11,6 +11,7 @@
 
 use super::tree_build;
 use glam::{DVec3, Vec3, Vec3A, Vec4};
+use prefetch_index::prefetch_index;
 use std::ops::Range;
 
 /// Added to boxes in the frame of the tree, which has coordinates up to 1; the bounds take twice that.
@@ -167,19 +168,30 @@ impl Tree {
         Some(entry)
     }
 
-    /// Visits runs of boxes that may be hit, roughly from near to far; `hit` returns the parameter of a new closest hit.
+    /// Visits runs of boxes that may be hit, roughly from near to far; `hit` returns the parameter of a new closest hit,
+    /// `fetch` learns early where runs start.
     #[inline]
-    pub fn closest(&self, entry: Entry, mut hit: impl FnMut(Range<u32>) -> Option<f64>) {
-        self.traverse(&entry, |prims| {
+    pub fn closest(
+        &self,
+        entry: Entry,
+        fetch: impl Fn(u32),
+        mut hit: impl FnMut(Range<u32>) -> Option<f64>,
+    ) {
+        self.traverse(&entry, fetch, |prims| {
             hit(prims).map_or(f32::INFINITY, |t| entry.length(t))
         });
     }
 
     /// Whether `hit` holds for any run of boxes that may be hit.
     #[inline]
-    pub fn any(&self, entry: Entry, mut hit: impl FnMut(Range<u32>) -> bool) -> bool {
+    pub fn any(
+        &self,
+        entry: Entry,
+        fetch: impl Fn(u32),
+        mut hit: impl FnMut(Range<u32>) -> bool,
+    ) -> bool {
         let mut found = false;
-        self.traverse(&entry, |prims| {
+        self.traverse(&entry, fetch, |prims| {
             found = hit(prims);
             // Nothing is nearer than that: the search ends.
             if found {
@@ -193,7 +205,12 @@ impl Tree {
 
     /// Visits runs of boxes; `leaf` returns the length beyond which nothing matters any more.
     #[inline(always)]
-    fn traverse(&self, entry: &Entry, mut leaf: impl FnMut(Range<u32>) -> f32) {
+    fn traverse(
+        &self,
+        entry: &Entry,
+        fetch: impl Fn(u32),
+        mut leaf: impl FnMut(Range<u32>) -> f32,
+    ) {
         // What is still to be visited, nearest last: distance in the upper half (positive floats sort like their bits),
         // child in the lower.
         let (mut few, mut many) = ([0u64; STACK], Vec::new());
@@ -217,7 +234,7 @@ impl Tree {
                     let i = hits.trailing_zeros() as usize % WIDTH;
                     hits &= hits - 1;
                     let child = node.children[i];
-                    self.fetch(child);
+                    self.fetch(child, &fetch);
                     let key = u64::from(near[i].to_bits()) << 32 | u64::from(child.0);
                     let mut at = len;
                     while at > first && pending[at - 1] < key {
@@ -241,12 +258,20 @@ impl Tree {
         }
     }
 
-    /// Reads a node that will likely be visited, so that its memory is under way while nearer ones are: a walk through
-    /// a large tree is a chain of cache misses.
+    /// Has the memory of a child fetched that will likely be visited, while nearer ones are: a walk through a large tree
+    /// is a chain of cache misses.
     #[inline(always)]
-    fn fetch(&self, child: Child) {
-        if child.0 < Child::LEAF {
-            std::hint::black_box(self.nodes[child.0 as usize].children[0]);
+    fn fetch(&self, child: Child, leaf: impl Fn(u32)) {
+        match child.prims() {
+            Some(prims) => leaf(prims.start),
+            None => {
+                let node = &self.nodes[child.0 as usize];
+                // One line of 64 bytes each.
+                for axis in 0..3 {
+                    prefetch_index(&node.planes, axis);
+                }
+                prefetch_index(&node.children, 0);
+            }
         }
     }
 }

@@ -6,6 +6,7 @@
 
 use crate::math::predicates::TriangleFilter;
 use glam::Vec4;
+use prefetch_index::prefetch_index;
 
 /// Positions of corners, counter-clockwise seen from outside.
 pub(super) type Corners = [[f32; 3]; 3];
@@ -47,6 +48,14 @@ impl Triangles {
 
     pub fn iter(&self) -> impl Iterator<Item = Corners> {
         (0..self.len() as u32).map(|i| self.get(i))
+    }
+
+    /// Has the memory of four triangles from `index` on fetched.
+    #[inline(always)]
+    pub fn fetch(&self, index: u32) {
+        for offset in [0, 16, 32] {
+            prefetch_index(&self.rows, 9 * index as usize + offset);
+        }
     }
 
     /// Whether `filter` lets triangle `index` pass.
