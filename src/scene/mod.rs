@@ -5,6 +5,7 @@ pub mod description;
 pub mod effects;
 pub mod moving;
 pub mod probe;
+pub mod regularization;
 pub mod settings;
 
 pub use build::BuildError;
