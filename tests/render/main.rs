@@ -11,4 +11,5 @@ mod equality;
 mod harness;
 mod lanes;
 mod motion;
+mod regularized;
 mod scale;
