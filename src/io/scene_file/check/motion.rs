@@ -96,6 +96,13 @@ impl Checker<'_> {
                 );
             }
             times.push(time);
+            let named = key.get_ref();
+            if named.translate.is_none() && named.rotate.is_none() && named.scale.is_none() {
+                self.conflict(
+                    &key.span(),
+                    "the key says nothing (allowed: at least one of translate, rotate, scale)",
+                );
+            }
         }
         let keys: Vec<(f64, &MotionKey)> = times
             .iter()
@@ -138,13 +145,6 @@ impl Checker<'_> {
             }
         }
         if self.errors.len() > errors_before {
-            return None;
-        }
-        if translations.is_empty() && turns.is_empty() && scales.is_empty() {
-            self.conflict(
-                &m.keys.span(),
-                "no key moves anything (allowed: translate, rotate, scale)",
-            );
             return None;
         }
         match pose(&translations, &turns, &scales, interpolation) {

@@ -47,18 +47,20 @@ impl Checker<'_> {
                     self.conflict(&frames.span(), message);
                     return None;
                 }
-                let mut plans: Vec<FramePlan> = Vec::with_capacity(given.len());
+                let mut plans = Vec::with_capacity(given.len());
+                let mut last = f64::NEG_INFINITY;
                 for frame in given {
                     let time = self.number("time", &frame.get_ref().time, FINITE);
-                    if plans.last().is_some_and(|last| time <= last.time_s) {
+                    if time <= last {
                         self.conflict(
                             &frame.get_ref().time.span(),
                             "time is not above that of the frame before",
                         );
                     }
-                    plans.push(self.mesh_file(time, &frame.get_ref().obj)?);
+                    last = time;
+                    plans.push(self.mesh_file(time, &frame.get_ref().obj));
                 }
-                plans
+                plans.into_iter().collect::<Option<Vec<FramePlan>>>()?
             }
             _ => {
                 self.conflict(at, "a mesh needs either obj or frames");
