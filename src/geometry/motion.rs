@@ -163,8 +163,8 @@ pub struct Motion {
     shutter: Shutter,
 }
 
-/// Most steps between two keys that bounds are taken over.
-const MOST_STEPS: f64 = 4096.0;
+/// Most steps that bounds are taken over between two keys, and between all together.
+const MOST_STEPS: [usize; 2] = [4096, 65_536];
 /// How far a point may stray from its chord, as a share of the size of the thing: by so much bounds are too wide.
 const SLACK: f64 = 1.0 / 64.0;
 
@@ -243,6 +243,7 @@ impl Motion {
             low = low.min(l - slack);
             high = high.max(h + slack);
         };
+        let most = MOST_STEPS[0].min(MOST_STEPS[1] / breaks.len()) as f64;
         for pair in breaks.windows(2) {
             let (a, b) = (pair[0], pair[1]);
             let start = placed(&self.product(a, false));
@@ -250,7 +251,7 @@ impl Motion {
             let bend = self.derivatives(a, b, radius)[2];
             let steps = ((b - a) * (bend / (8.0 * SLACK * size)).sqrt()).ceil();
             // the largest of what is not a number and 1 is 1
-            let steps = steps.min(MOST_STEPS).max(1.0) as u32;
+            let steps = steps.min(most).max(1.0) as u32;
             let at = |i: u32| {
                 if i == steps {
                     b
