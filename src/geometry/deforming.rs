@@ -5,11 +5,12 @@
 //! lines. Where triangles move far in comparison to their size, boxes overlap and rays test many triangles in vain; the
 //! shutter is then cut into segments with a tree each, as many as measured tests per ray pay for.
 
-use super::accel::Tree;
-use super::mesh::{Corners, MeshError, check, edges_pair_up, vec, winding_normal};
+use super::mesh::{MeshError, check, edges_pair_up, vec, winding_normal};
 use super::motion::Shutter;
 use super::ray::LocalRay;
 use super::shape::{LocalPoint, Shape};
+use super::tree::{self, Tree};
+use super::triangles::Corners;
 use super::{InstanceId, Mesh, Ray};
 use crate::math::distribution::AliasTable;
 use crate::math::hash::{random_bits, unit_f64};
@@ -329,7 +330,7 @@ impl Deforming {
                         (low.min(p), high.max(p))
                     })
                 };
-                let (tree, order) = Tree::build(self.triangles.len(), swept);
+                let (tree, order) = Tree::build(self.triangles.len(), tree::LEAF_LIMIT, swept);
                 Segment { tree, order }
             })
             .collect()
@@ -379,14 +380,24 @@ impl Deforming {
         let segment = self.segment(time);
         let mut best = None;
         let mut t_best = ray.t_max;
-        segment.tree.closest(ray.o, ray.d, ray.t_max, |leaf| {
-            let prim = segment.order[leaf as usize];
-            tested(prim);
-            let hit = self.hit(ray, &tri, prim, time, t_best)?;
-            t_best = hit.t;
-            best = Some((hit.t, prim, DVec2::from(hit.weights)));
-            Some(hit.t)
-        });
+        let entry = segment.tree.enter(ray.o, ray.d, ray.t_max)?;
+        segment.tree.closest(
+            entry,
+            |_| (),
+            |leaves| {
+                let mut nearer = None;
+                for leaf in leaves {
+                    let prim = segment.order[leaf as usize];
+                    tested(prim);
+                    if let Some(hit) = self.hit(ray, &tri, prim, time, t_best) {
+                        t_best = hit.t;
+                        best = Some((hit.t, prim, DVec2::from(hit.weights)));
+                        nearer = Some(hit.t);
+                    }
+                }
+                nearer
+            },
+        );
         best
     }
 
@@ -420,10 +431,19 @@ impl Deforming {
     pub(super) fn occluded(&self, ray: &LocalRay, time: f64) -> bool {
         let tri = TriangleRay::new(ray.o, ray.d);
         let segment = self.segment(time);
-        segment.tree.any(ray.o, ray.d, ray.t_max, |leaf| {
-            let prim = segment.order[leaf as usize];
-            self.hit(ray, &tri, prim, time, ray.t_max).is_some()
-        })
+        let Some(entry) = segment.tree.enter(ray.o, ray.d, ray.t_max) else {
+            return false;
+        };
+        segment.tree.any(
+            entry,
+            |_| (),
+            |mut leaves| {
+                leaves.any(|leaf| {
+                    let prim = segment.order[leaf as usize];
+                    self.hit(ray, &tri, prim, time, ray.t_max).is_some()
+                })
+            },
+        )
     }
 
     /// The point of triangle `prim` with barycentric `weights` of its second and third vertex, at `time`.

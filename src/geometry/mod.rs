@@ -15,6 +15,9 @@ pub mod pose;
 pub mod ray;
 pub mod shape;
 pub mod track;
+mod tree;
+mod tree_build;
+mod triangles;
 
 pub use accel::Accel;
 pub use deforming::Deforming;
