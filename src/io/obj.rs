@@ -337,6 +337,19 @@ mod tests {
     }
 
     #[test]
+    fn the_groups_handed_to_tobj_are_one_mesh() {
+        let faces = 2 * GROUP_FACES + 7;
+        let normals = "vn 0 0 1\n";
+        let text = format!(
+            "{SQUARE}{normals}{}f -4//1 -2//1 -1//1",
+            "f 1//1 2//1 3//1\n".repeat(faces - 1)
+        );
+        let mesh = read(&text).expect("valid");
+        assert_eq!((mesh.triangle_count(), mesh.dropped()), (faces, 0));
+        assert!((mesh.area() - faces as f64 / 2.0).abs() < 1e-6);
+    }
+
+    #[test]
     fn negative_indices_count_from_the_end_and_lines_are_ignored() {
         let mesh = read(&format!("{SQUARE}f -4 -3 -2\nl 1 2\np 3\n")).expect("valid");
         assert_eq!(mesh.triangle_count(), 1);
