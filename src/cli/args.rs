@@ -61,6 +61,12 @@ pub enum IntegratorName {
     Light,
     /// Both, weighted together
     Bdpt,
+    /// Both, and photon merging, weighted together
+    Vcm,
+    /// Photon merging at every vertex that scatters diffusely or glossily
+    Bpm,
+    /// Photon merging at the first such vertex from the camera
+    Ppm,
 }
 
 /// Names of weightings.

@@ -52,6 +52,9 @@ pub fn integrator_name(kind: IntegratorKind) -> &'static str {
         IntegratorKind::Path => "path",
         IntegratorKind::Light => "light",
         IntegratorKind::Bdpt => "bdpt",
+        IntegratorKind::Vcm => "vcm",
+        IntegratorKind::Bpm => "bpm",
+        IntegratorKind::Ppm => "ppm",
     }
 }
 

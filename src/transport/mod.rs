@@ -8,11 +8,13 @@ pub mod connect;
 pub mod context;
 pub mod contribution;
 pub mod density;
+pub mod merge;
 pub mod mis;
 #[cfg(test)]
 mod oracle;
 #[cfg(test)]
 pub mod record;
+pub mod photons;
 pub mod regularize;
 pub mod subpath;
 pub mod techniques;
@@ -22,6 +24,7 @@ pub mod walk;
 pub use context::{Counters, PassSettings, PathContext};
 pub use contribution::{Contribution, Target};
 pub use density::{Edge, PathView, VertexDensity};
+pub use photons::{PhotonBuffer, PhotonMap};
 pub use regularize::Cone;
 pub use subpath::Subpath;
 pub use techniques::Techniques;

@@ -13,7 +13,7 @@ pub use optics::{
     Absorption, Conductor, Dielectric, Diffuse, Material, Medium, Mirror, Roughness, Thin,
 };
 pub use render::{
-    Epsilon, FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, RegularizeName,
+    Epsilon, FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, RegularizeName, SharingName,
     Render, SingleRuleName, WavelengthName, WavelengthTable, Wavelengths,
 };
 pub use sensor::{Detector, Orthographic, Perspective, Sensor};
