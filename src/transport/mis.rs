@@ -84,6 +84,7 @@ impl<'a> Multipliers<'a> {
         };
         if techniques.kind.only_merges() && out.is_mergeable() {
             out.admitted = Admitted::None;
+            return out;
         }
         if techniques.cone.is_none() {
             return out;
@@ -294,20 +295,21 @@ pub fn denominator(multipliers: &Multipliers, wavelengths: &SampledWavelengths) 
     }
 }
 
-/// The same for merging at x_s, which camera and light sub-path have both generated; the path is seen as by strategy s.
+/// The same for merging at x_{s−1}, which camera and light sub-path have both generated; the path is seen as by strategy s, at
+/// least 2.
 #[must_use]
 pub fn merge_denominator(
     multipliers: &Multipliers,
     wavelengths: &SampledWavelengths,
 ) -> Denominator {
-    let s = multipliers.path.s();
-    let from_light = multipliers.path.pf(s);
-    let merging = multipliers.merging(s);
+    let merged = multipliers.path.s() - 1;
+    let from_sensor = multipliers.path.pr(merged);
+    let merging = multipliers.merging(merged);
     Denominator {
         numerator: match multipliers.techniques.heuristic {
             _ if merging == 0.0 => 0.0,
-            Heuristic::Balance => from_light,
-            Heuristic::Power2 => from_light * from_light * merging,
+            Heuristic::Balance => from_sensor,
+            Heuristic::Power2 => from_sensor * from_sensor * merging,
         },
         ..terms(multipliers, wavelengths)
     }

@@ -62,8 +62,10 @@ impl<'a> Techniques<'a> {
             IntegratorKind::Path => from_camera && s <= 1,
             IntegratorKind::Light => !from_camera,
             IntegratorKind::Bdpt | IntegratorKind::Vcm => true,
-            // what is left of connections: paths that hit, and those of no scattering vertex
-            IntegratorKind::Bpm | IntegratorKind::Ppm => s == 0 || t == 0 || s + t == 2,
+            // what is left of connections: paths that hit, and a detector's view of lights that cannot be hit
+            IntegratorKind::Bpm | IntegratorKind::Ppm => {
+                s == 0 || t == 0 || self.hittable_sensor && s + t == 2
+            }
         } && (t > 0 || self.hittable_sensor);
         if !executed {
             0.0

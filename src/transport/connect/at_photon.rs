@@ -144,23 +144,24 @@ impl Joiner<'_> {
             return factors;
         }
         let (forward, backward) = densities(eval);
+        // the merged vertex is the last of the light sub-path, and that before it on the camera sub-path is joined to it
+        let behind = &camera.densities[j];
         let edge = Edge {
-            light_end: self.light_before(light, i, &backward),
-            light_before: match i.checked_sub(1) {
-                Some(before) => light.other_density(before),
+            light_end: camera.own_density(j + 1),
+            light_before: self.light_before(light, i, &backward),
+            camera_end: self.camera_before(camera, j, &forward),
+            camera_before: match j.checked_sub(1) {
+                Some(before) => camera.other_density(before),
                 None => EdgeDensity::default(),
             },
-            camera_end: light.own_density(i + 1),
-            camera_before: self.camera_before(camera, j, &forward),
-            // seen as a join of x_{i-1} and the merged vertex, but scattered at as it was
-            light_label: light.densities[i].label,
-            light_dispersive: light.densities[i].dispersive,
-            length: light.densities[i + 1].length,
+            camera_label: behind.label,
+            camera_dispersive: behind.dispersive,
+            length: camera.densities[j + 1].length,
             ..Edge::default()
         };
         let view = PathView {
-            light: &light.densities[..=i],
-            camera: &camera.densities[..j + 2],
+            light: &light.densities[..i + 2],
+            camera: &camera.densities[..=j],
             light_columns: &light.columns,
             camera_columns: &camera.columns,
             edge,
