@@ -48,10 +48,44 @@ pub struct PhotonMemory {
 }
 
 impl PhotonMemory {
+    /// Whether the index has numbers for so many, with a margin for what the pilot did not see.
+    #[must_use]
+    pub fn is_addressable(&self) -> bool {
+        1.1 * self.vertices_per_path * (self.paths as f64) < f64::from(u32::MAX)
+    }
+
     /// Bytes in all: what is held while camera sub-paths gather.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         (self.vertices_per_path * self.paths as f64 * self.bytes_per_vertex as f64) as u64
+    }
+}
+
+/// The wavelengths that were heroes of all paths of some pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SharedWavelengths {
+    /// How many there are.
+    pub distinct: usize,
+    /// Widest part of the working range without one, in nanometers.
+    pub largest_gap_nm: f64,
+}
+
+impl SharedWavelengths {
+    /// Of wavelengths within a range.
+    #[must_use]
+    pub fn new(mut heroes_nm: Vec<f64>, range_nm: [f64; 2]) -> Self {
+        heroes_nm.sort_by(f64::total_cmp);
+        heroes_nm.dedup();
+        let distinct = heroes_nm.len();
+        heroes_nm.insert(0, range_nm[0]);
+        heroes_nm.push(range_nm[1]);
+        Self {
+            distinct,
+            largest_gap_nm: heroes_nm
+                .windows(2)
+                .map(|w| w[1] - w[0])
+                .fold(0.0, f64::max),
+        }
     }
 }
 
@@ -181,6 +215,12 @@ pub fn memory(frame: &Frame, crop: &Crop) -> PhotonMemory {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn gaps_reach_to_the_ends_of_the_range() {
+        let found = SharedWavelengths::new(vec![500.0, 420.0, 500.0], [400.0, 700.0]);
+        assert_eq!((found.distinct, found.largest_gap_nm), (2, 200.0));
+    }
 
     #[test]
     fn the_lattice_stays_in_the_crop() {

@@ -10,7 +10,7 @@ pub mod stop;
 pub mod table;
 
 pub use epsilon::EpsilonChoice;
-pub use merging::{PhotonMemory, RadiusChoice};
+pub use merging::{PhotonMemory, RadiusChoice, SharedWavelengths};
 pub use outputs::{OutputRequest, Outputs};
 pub use table::ClassTable;
 
@@ -130,17 +130,20 @@ impl<'a> Render<'a> {
         self.photon_bytes
     }
 
-    /// The wavelengths that are heroes of a pass's paths in nanometers, where its paths share them.
+    /// The wavelengths that the passes done shared; `None` where each path has its own.
     #[must_use]
-    pub fn shared_wavelengths_nm(&self, index: u32) -> Vec<f64> {
-        let Some(shared) = self.pass_settings(index).shared else {
-            return Vec::new();
-        };
-        let lanes = self.frame.lanes();
-        let set = self.frame.scene.wavelengths.sample(shared.u_wavelength, lanes);
-        (0..shared.heroes as usize)
-            .map(|j| set.lambda_nm(j))
-            .collect()
+    pub fn shared_wavelengths(&self) -> Option<SharedWavelengths> {
+        self.radius.as_ref()?;
+        let distribution = &self.frame.scene.wavelengths;
+        let heroes = self.passes.iter().flat_map(|&index| {
+            let shared = merging::shared_sample(&self.frame, index);
+            let set = distribution.sample(shared.u_wavelength, self.frame.lanes());
+            (0..shared.heroes as usize).map(move |j| set.lambda_nm(j))
+        });
+        Some(SharedWavelengths::new(
+            heroes.collect(),
+            distribution.range_nm(),
+        ))
     }
 
     /// Half-aperture of pass `index` in radians, `None` without regularization. The schedule is a function of the global index; to
