@@ -70,7 +70,12 @@ pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
     let pool = pool.map_err(|e| CliError::Failed(format!("cannot start threads: {e}")))?;
     let (rows, memory) = pool.install(|| measure(options))?;
     let size = picture(options, &rows, &picture_path)?;
-    let page = page(options, &rows, &memory, &std::fs::read(&picture_path).unwrap_or_default());
+    let page = page(
+        options,
+        &rows,
+        &memory,
+        &std::fs::read(&picture_path).unwrap_or_default(),
+    );
     write_atomic(&options.output, |w| w.write_all(page.as_bytes()))?;
     let value = report_json(&rows, &memory);
     write_atomic(&json_path, |w| writeln!(w, "{value:#}"))?;
@@ -121,7 +126,11 @@ fn measure(options: &BandingOptions) -> Result<(Vec<Row>, Memory), CliError> {
     (0..options.reference_passes).for_each(|pass| render.add_pass(pass));
     let reference = image(&render);
     let mut rows = Vec::new();
-    let shots = merged.into_iter().zip(stratified).zip(equal_passes).zip(equal_time);
+    let shots = merged
+        .into_iter()
+        .zip(stratified)
+        .zip(equal_passes)
+        .zip(equal_time);
     for shot in shots.flat_map(|(((a, b), c), d)| [a, b, c, d]) {
         rows.push(study.row(shot, &reference)?);
     }
@@ -218,7 +227,10 @@ impl Study<'_> {
             if passes.contains(&pass) {
                 by_passes.push(shot("bdpt, as many passes"));
             }
-            while merged.get(by_time.len()).is_some_and(|m| m.seconds <= seconds) {
+            while merged
+                .get(by_time.len())
+                .is_some_and(|m| m.seconds <= seconds)
+            {
                 by_time.push(shot("bdpt, as much time"));
             }
         }
@@ -250,7 +262,9 @@ fn picture(
         .sensor
         .as_ref()
         .and_then(|name| loaded.scene.sensor_index(name));
-    let size = loaded.scene.sensors[sensor.unwrap_or(0)].camera.resolution();
+    let size = loaded.scene.sensors[sensor.unwrap_or(0)]
+        .camera
+        .resolution();
     let part = options.lines.region.unwrap_or(Crop {
         x0: 0,
         y0: 0,
@@ -348,7 +362,11 @@ impl Memory {
 
 /// The page, which needs no other file.
 fn page(options: &BandingOptions, rows: &[Row], memory: &Memory, png: &[u8]) -> String {
-    let name = options.scene.file_stem().unwrap_or_default().to_string_lossy();
+    let name = options
+        .scene
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy();
     let name = name.replace('&', "&amp;").replace('<', "&lt;");
     let mut body = String::new();
     for row in rows {
@@ -358,7 +376,14 @@ fn page(options: &BandingOptions, rows: &[Row], memory: &Memory, png: &[u8]) -> 
         _ = write!(
             body,
             "<tr><th>{}</th><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.4}</td><td>{share:.2}</td><td>{:.4}</td><td>{count}</td><td>{gap}</td></tr>\n",
-            row.shot.method, row.shot.passes, row.shot.seconds, x.f_ratio, y.f_ratio, z.f_ratio, y.coherent_rms, row.rel_mse,
+            row.shot.method,
+            row.shot.passes,
+            row.shot.seconds,
+            x.f_ratio,
+            y.f_ratio,
+            z.f_ratio,
+            y.coherent_rms,
+            row.rel_mse,
         );
     }
     let mut table1 = String::new();
@@ -378,7 +403,12 @@ fn page(options: &BandingOptions, rows: &[Row], memory: &Memory, png: &[u8]) -> 
     );
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Banding: {name}</title>\n<style>body{{font-family:sans-serif;margin:2em;max-width:1500px}}table{{border-collapse:collapse}}td,th{{padding:.2em .7em;text-align:right;border-bottom:1px solid #ccc}}th{{font-weight:normal;text-align:left}}img{{max-width:100%;image-rendering:pixelated}}</style></head><body>\n<h1>Banding: {name}</h1>\n<p>Where photons are merged, all paths of a pass share wavelengths and time; errors are then the same all along a line of one color. Columns of the picture: vcm; vcm with the wavelengths of successive passes kept apart; bdpt with as many passes; bdpt in as much time. Lines: {passes} passes.</p>\n<img alt=\"comparison\" src=\"data:image/png;base64,{picture}\">\n<h2>Metrics</h2>\n<p>F-ratio: mean square error between lines of one color over that within; 1 for independent errors, above 2 there are bands. Coherent: the errors that whole lines share, relative to the mean. Participation: share of the lines that have their energy. The reference has {reference} passes of bdpt.</p>\n<table><tr><th></th><td>passes</td><td>seconds</td><td>F of X</td><td>F of Y</td><td>F of Z</td><td>coherent, Y</td><td>participation, Y</td><td>relMSE</td><td>wavelengths</td><td>largest gap, nm</td></tr>\n{body}</table>\n<h2>Memory of light vertices at 1920 x 1080</h2>\n<table><tr><th></th><td>bytes per vertex</td><td>vertices per light path</td><td>MB</td></tr>\n{table1}</table>\n</body></html>\n",
-        passes = options.passes.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
+        passes = options
+            .passes
+            .iter()
+            .map(u32::to_string)
+            .collect::<Vec<_>>()
+            .join(", "),
         picture = base64(png),
         reference = options.reference_passes,
     )
@@ -408,7 +438,12 @@ mod tests {
 
     #[test]
     fn base64_of_the_standard() {
-        for (plain, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foobar", "Zm9vYmFy")] {
+        for (plain, text) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foobar", "Zm9vYmFy"),
+        ] {
             assert_eq!(base64(plain.as_bytes()), text);
         }
     }

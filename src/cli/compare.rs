@@ -78,15 +78,20 @@ pub fn bands(
     }
     let range = |a: u32, b: u32| a as usize..b as usize;
     let area = (range(region.x0, region.x1), range(region.y0, region.y1));
-    let channel = |xyz: &[f64], c: usize| -> Vec<f64> {
-        xyz.iter().skip(c).step_by(3).copied().collect()
-    };
+    let channel =
+        |xyz: &[f64], c: usize| -> Vec<f64> { xyz.iter().skip(c).step_by(3).copied().collect() };
     let mut found = Vec::new();
     for c in 0..3 {
         let reference = reference.map(|r| channel(r, c));
         let image = channel(image, c);
         let width = width as usize;
-        let of_channel = banding(&image, reference.as_deref(), width, area.clone(), lines.axis);
+        let of_channel = banding(
+            &image,
+            reference.as_deref(),
+            width,
+            area.clone(),
+            lines.axis,
+        );
         found.extend(of_channel);
     }
     found.try_into().map_err(|_| {

@@ -112,12 +112,7 @@ impl<'a> Frame<'a> {
     fn sampler(&self, pass: &PassSettings, (x, y): (u32, u32)) -> Sampler {
         let width = self.scene.sensors[self.sensor].camera.resolution().width;
         let pixel = u64::from(y) * u64::from(width) + u64::from(x);
-        Sampler::new(
-            self.settings.seed,
-            self.sensor as u32,
-            pixel,
-            pass.index,
-        )
+        Sampler::new(self.settings.seed, self.sensor as u32, pixel, pass.index)
     }
 }
 
@@ -298,8 +293,7 @@ pub fn sample_and_merge(
     // without connections only light sub-paths that hit the sensor are of use
     let no_light = settings.integrator == IntegratorKind::Path
         || settings.integrator.only_merges() && !frame.techniques.hittable_sensor;
-    if no_light || !start_light(&context, light, max_depth, &sampler, counters)
-    {
+    if no_light || !start_light(&context, light, max_depth, &sampler, counters) {
         light.restart(
             EndPoint {
                 p: DVec3::ZERO,

@@ -122,7 +122,13 @@ pub fn banding(
     }
     let level = groups
         .iter()
-        .map(|g| if reference.is_some() { g.reference } else { g.image })
+        .map(|g| {
+            if reference.is_some() {
+                g.reference
+            } else {
+                g.image
+            }
+        })
         .sum::<f64>()
         / total;
     let noise = within * count as f64 / total;

@@ -1,8 +1,8 @@
 //! Geometry and statistics that know nothing of light.
 
+pub mod banding;
 #[cfg(test)]
 pub(crate) mod chi_square;
-pub mod banding;
 pub mod distribution;
 pub mod frame;
 pub mod hash;

@@ -173,7 +173,10 @@ pub fn scheduled_radius(frame: &Frame, first: f64, index: u32) -> f64 {
 /// Wavelength and time of pass `index`.
 #[must_use]
 pub fn shared_sample(frame: &Frame, index: u32) -> SharedSample {
-    let key = combine(combine(frame.settings.seed, 0x5348_4152), frame.sensor as u64);
+    let key = combine(
+        combine(frame.settings.seed, 0x5348_4152),
+        frame.sensor as u64,
+    );
     let random = |i: u64| unit_f64(random_bits(key, i));
     let (u_wavelength, time) = match frame.settings.merging.sharing {
         Sharing::Hero | Sharing::Set => {

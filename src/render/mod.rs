@@ -209,7 +209,13 @@ impl<'a> Render<'a> {
             .fold(Local::default, |mut local, tile| {
                 for y in tile.y0..tile.y1 {
                     for x in tile.x0..tile.x1 {
-                        render_pixel((frame, &pass, photons.as_ref()), outputs, (x, y), half, &mut local);
+                        render_pixel(
+                            (frame, &pass, photons.as_ref()),
+                            outputs,
+                            (x, y),
+                            half,
+                            &mut local,
+                        );
                     }
                 }
                 local
@@ -322,14 +328,7 @@ fn render_pixel(
         values,
         table,
     } = local;
-    let wavelengths = sample_and_merge(
-        frame,
-        pass,
-        photons,
-        (x, y),
-        &outputs.response,
-        workspace,
-    );
+    let wavelengths = sample_and_merge(frame, pass, photons, (x, y), &outputs.response, workspace);
     // splats one by one, the pixel's own contributions as one sum
     let mut own = [0.0; 3];
     for contribution in &workspace.contributions {

@@ -148,8 +148,7 @@ pub fn merge_factors(
     let own = (all - shared).max(0.0);
     let mut factors = [0.0; MAX_LANES];
     for (j, factor) in factors.iter_mut().enumerate().take(count) {
-        *factor =
-            numerator / (count as f64 * shared + wavelengths.multiplicity(j) as f64 * own);
+        *factor = numerator / (count as f64 * shared + wavelengths.multiplicity(j) as f64 * own);
     }
     factors
 }
@@ -157,7 +156,7 @@ pub fn merge_factors(
 /// Whether the sums above hold for all paths: the techniques depend on nothing that only the whole path tells.
 #[must_use]
 pub fn is_separable(techniques: &Techniques) -> bool {
-    let whole = techniques.cone.is_some()
-        && (techniques.single.is_some() || techniques.bias_weight < 1.0);
+    let whole =
+        techniques.cone.is_some() && (techniques.single.is_some() || techniques.bias_weight < 1.0);
     techniques.disabled.is_empty() && !whole
 }

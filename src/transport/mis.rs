@@ -130,11 +130,7 @@ impl<'a> Multipliers<'a> {
             // at the first non-specular vertex from the sensor
             && (self.techniques.kind != IntegratorKind::Ppm
                 || (i + 1..end).all(|j| self.path.is_specular(j)));
-        if merges {
-            self.techniques.merging
-        } else {
-            0.0
-        }
+        if merges { self.techniques.merging } else { 0.0 }
     }
 
     /// What strategy `s` is weighted with besides its density and A: `β^{N_r(s)} · [admitted]`.

@@ -12,9 +12,9 @@ pub mod merge;
 pub mod mis;
 #[cfg(test)]
 mod oracle;
+pub mod photons;
 #[cfg(test)]
 pub mod record;
-pub mod photons;
 pub mod regularize;
 pub mod subpath;
 pub mod techniques;

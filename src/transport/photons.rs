@@ -166,7 +166,12 @@ impl PhotonBuffer {
                 && weight.0[..count].iter().all(|v| v.is_finite());
             if usable {
                 let factor = factor_before(light, i, || {
-                    light_end_factor(source, &light.origin, vertex.toward_previous, vertex.distance)
+                    light_end_factor(
+                        source,
+                        &light.origin,
+                        vertex.toward_previous,
+                        vertex.distance,
+                    )
                 });
                 let densities = &light.densities[..i + 2];
                 let terms = side_terms(densities, factor, MergeSide::Light { direct }, techniques);
@@ -259,7 +264,8 @@ impl PhotonMap {
                 let to = places[i] as usize;
                 self.photons.swap(i, to);
                 for lane in 0..self.stride {
-                    self.lanes.swap(i * self.stride + lane, to * self.stride + lane);
+                    self.lanes
+                        .swap(i * self.stride + lane, to * self.stride + lane);
                 }
                 places.swap(i, to);
             }
@@ -268,13 +274,20 @@ impl PhotonMap {
 
     /// The cell of an offset from the center.
     fn cell(&self, offset: DVec3) -> [i64; 3] {
-        (offset / (2.0 * self.radius)).floor().to_array().map(|v| v as i64)
+        (offset / (2.0 * self.radius))
+            .floor()
+            .to_array()
+            .map(|v| v as i64)
     }
 
     fn bucket(&self, [x, y, z]: [i64; 3]) -> u32 {
         let mixed = (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
-            ^ (y as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f).rotate_left(21)
-            ^ (z as u64).wrapping_mul(0x1656_67b1_9e37_79f9).rotate_left(42);
+            ^ (y as u64)
+                .wrapping_mul(0xc2b2_ae3d_27d4_eb4f)
+                .rotate_left(21)
+            ^ (z as u64)
+                .wrapping_mul(0x1656_67b1_9e37_79f9)
+                .rotate_left(42);
         let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 32;
         ((mixed * (self.starts.len() as u64 - 1)) >> 32) as u32
     }
@@ -310,7 +323,8 @@ impl PhotonMap {
                 continue;
             }
             seen[i as usize] = bucket;
-            let range = self.starts[bucket as usize] as usize..self.starts[bucket as usize + 1] as usize;
+            let range =
+                self.starts[bucket as usize] as usize..self.starts[bucket as usize + 1] as usize;
             for index in range {
                 let photon = &self.photons[index];
                 let distance = DVec3::from_array(photon.position.map(f64::from)) - offset;
@@ -323,5 +337,100 @@ impl PhotonMap {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hash::{random_bits, unit_f64};
+    use std::collections::BTreeSet;
+
+    fn random(count: usize) -> PhotonBuffer {
+        let number = |i: usize, k: u64| unit_f64(random_bits(i as u64, k));
+        let photons = (0..count).map(|i| Photon {
+            position: [0, 1, 2].map(|k| (4.0 * number(i, k) - 2.0) as f32),
+            direction: [0.0, 0.0],
+            first: 0.0,
+            rest: 0.0,
+            rest_shared: 0.0,
+            info: i as u64 | (i as u64 % 7) << PATH_BITS,
+        });
+        PhotonBuffer {
+            photons: photons.collect(),
+            lanes: (0..count).flat_map(|i| [i as f32, 0.5]).collect(),
+        }
+    }
+
+    #[test]
+    fn a_stored_vertex_is_as_small_as_said() {
+        assert_eq!(size_of::<Photon>(), 40);
+        assert_eq!(bytes_per_vertex(4), 60);
+    }
+
+    #[test]
+    fn the_grid_finds_what_a_search_through_all_finds() {
+        let center = DVec3::new(10.0, -3.0, 5.0);
+        for radius in [0.03, 0.2, 1.5] {
+            let all = random(3000);
+            let map = PhotonMap::build(vec![random(3000)], 2, center, radius).expect("few");
+            assert_eq!(map.len(), 3000);
+            let mut total = 0;
+            for i in 0..300 {
+                let at = DVec3::from_array(all.photons[i].position.map(f64::from))
+                    + DVec3::splat(0.3 * radius);
+                let near = |p: &&Photon| {
+                    DVec3::from_array(p.position.map(f64::from)).distance(at) < radius
+                };
+                let expected: BTreeSet<u32> =
+                    all.photons.iter().filter(near).map(Photon::path).collect();
+                let mut found = BTreeSet::new();
+                map.for_each_near(center + at, |photon, weight| {
+                    assert!(found.insert(photon.path()), "found twice");
+                    assert_eq!(photon.depth(), photon.path() as usize % 7);
+                    assert_eq!(weight.0[..2], [photon.path() as f32, 0.5]);
+                });
+                assert_eq!(found, expected);
+                total += found.len();
+            }
+            assert!(total >= 300);
+        }
+    }
+
+    #[test]
+    fn directions_and_labels_survive_storage() {
+        for i in 0..1000 {
+            let number = |k| 2.0 * unit_f64(random_bits(i, k)) - 1.0;
+            let w = DVec3::new(number(0), number(1), number(2)).normalize();
+            let photon = Photon {
+                direction: octahedral(w),
+                info: 3 << PATH_BITS | 0b101 << (PATH_BITS + DEPTH_BITS),
+                ..random(1).photons[0]
+            };
+            // two roundings to f32
+            assert!(photon.toward_previous().distance(w) < 3e-7);
+            assert_eq!(photon.class().to_string(), "LSDSE");
+        }
+        for w in [
+            DVec3::X,
+            DVec3::Y,
+            DVec3::Z,
+            -DVec3::X,
+            -DVec3::Y,
+            -DVec3::Z,
+        ] {
+            let photon = Photon {
+                direction: octahedral(w),
+                ..random(1).photons[0]
+            };
+            assert_eq!(photon.toward_previous(), w);
+        }
+    }
+
+    #[test]
+    fn an_empty_map_holds_nothing() {
+        let map = PhotonMap::build(Vec::new(), 4, DVec3::ZERO, 0.1).expect("none");
+        assert!(map.is_empty());
+        map.for_each_near(DVec3::ONE, |_, _| panic!("found"));
     }
 }

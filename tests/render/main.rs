@@ -10,5 +10,6 @@ mod determinism;
 mod equality;
 mod harness;
 mod lanes;
+mod merging;
 mod regularized;
 mod scale;

@@ -123,8 +123,8 @@ impl Joiner<'_> {
                 } else {
                     self.context.wavelengths.multiplicity(k)
                 };
-                *value = scale * f64::from(numerator[k])
-                    / (self.techniques.merging * techniques as f64);
+                *value =
+                    scale * f64::from(numerator[k]) / (self.techniques.merging * techniques as f64);
             }
         }
         raw

@@ -2,8 +2,8 @@
 
 use super::super::error::Problem;
 use super::super::schema::{
-    At, Epsilon, HeuristicName, IntegratorName, NameOr, RegularizeName, Render, SharingName, SingleRuleName,
-    WavelengthName, WavelengthTable, Wavelengths,
+    At, Epsilon, HeuristicName, IntegratorName, NameOr, RegularizeName, Render, SharingName,
+    SingleRuleName, WavelengthName, WavelengthTable, Wavelengths,
 };
 use super::{Allowed, Checker, POSITIVE};
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};

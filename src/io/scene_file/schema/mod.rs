@@ -13,8 +13,8 @@ pub use optics::{
     Absorption, Conductor, Dielectric, Diffuse, Material, Medium, Mirror, Roughness, Thin,
 };
 pub use render::{
-    Epsilon, FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, RegularizeName, SharingName,
-    Render, SingleRuleName, WavelengthName, WavelengthTable, Wavelengths,
+    Epsilon, FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, RegularizeName,
+    Render, SharingName, SingleRuleName, WavelengthName, WavelengthTable, Wavelengths,
 };
 pub use sensor::{Detector, Orthographic, Perspective, Sensor};
 pub use spectrum::{Spectrum, SpectrumTable};
