@@ -68,8 +68,8 @@ pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
         .num_threads(options.threads.map_or(0, usize::from))
         .build();
     let pool = pool.map_err(|e| CliError::Failed(format!("cannot start threads: {e}")))?;
-    let (rows, memory) = pool.install(|| measure(options))?;
-    let size = picture(options, &rows, &picture_path)?;
+    let (rows, memory, crop) = pool.install(|| measure(options))?;
+    let size = picture(options, (&rows, crop), &picture_path)?;
     let page = page(
         options,
         &rows,
@@ -93,7 +93,7 @@ pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
 }
 
 /// Renders everything and measures it.
-fn measure(options: &BandingOptions) -> Result<(Vec<Row>, Memory), CliError> {
+fn measure(options: &BandingOptions) -> Result<(Vec<Row>, Memory, Crop), CliError> {
     let loaded = load_as(options, "bdpt", "hero", 0)?;
     let sensor = match &options.sensor {
         None => 0,
@@ -134,7 +134,7 @@ fn measure(options: &BandingOptions) -> Result<(Vec<Row>, Memory), CliError> {
     for shot in shots.flat_map(|(((a, b), c), d)| [a, b, c, d]) {
         rows.push(study.row(shot, &reference)?);
     }
-    Ok((rows, memory))
+    Ok((rows, memory, crop))
 }
 
 /// The scene with the overrides of one method; `seed` is added to the scene's.
@@ -250,38 +250,22 @@ impl Study<'_> {
     }
 }
 
-/// Writes the images side by side, one line for each number of passes; of each only the region, if there is one.
+/// Writes the images side by side, one line for each number of passes, and returns the size of the picture.
 fn picture(
     options: &BandingOptions,
-    rows: &[Row],
+    (rows, crop): (&[Row], Crop),
     path: &Path,
 ) -> Result<(usize, usize), CliError> {
     const COLUMNS: usize = 4;
-    let loaded = load_as(options, "bdpt", "hero", 0)?;
-    let sensor = options
-        .sensor
-        .as_ref()
-        .and_then(|name| loaded.scene.sensor_index(name));
-    let size = loaded.scene.sensors[sensor.unwrap_or(0)]
-        .camera
-        .resolution();
-    let part = options.lines.region.unwrap_or(Crop {
-        x0: 0,
-        y0: 0,
-        x1: size.width,
-        y1: size.height,
-    });
-    let (w, h) = (part.width() as usize, part.height() as usize);
-    let lines = rows.len() / COLUMNS;
+    let (w, h) = (crop.width() as usize, crop.height() as usize);
     let width = COLUMNS * (w + GAP) - GAP;
-    let height = lines * (h + GAP) - GAP;
+    let height = rows.len() / COLUMNS * (h + GAP) - GAP;
     let mut xyz = vec![1.0; 3 * width * height];
     for (i, row) in rows.iter().enumerate() {
         let (left, top) = (i % COLUMNS * (w + GAP), i / COLUMNS * (h + GAP));
-        for y in 0..h {
-            let from = 3 * ((part.y0 as usize + y) * size.width as usize + part.x0 as usize);
+        for (y, line) in row.shot.xyz.chunks(3 * w).enumerate() {
             let to = 3 * ((top + y) * width + left);
-            xyz[to..to + 3 * w].copy_from_slice(&row.shot.xyz[from..from + 3 * w]);
+            xyz[to..to + 3 * w].copy_from_slice(line);
         }
     }
     png::write_preview(

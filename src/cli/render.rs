@@ -465,6 +465,9 @@ impl Job<'_> {
         if let Some(epsilon) = render.epsilon() {
             attributes.extend(self.loaded.epsilon_attributes(epsilon));
         }
+        if let Some(radius) = render.radius() {
+            attributes.extend(self.loaded.merging_attributes(radius));
+        }
         attributes
     }
 

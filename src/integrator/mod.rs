@@ -3,5 +3,5 @@
 pub mod photons;
 pub mod sample;
 
-pub use photons::{count_photons, trace_photons};
+pub use photons::PhotonTracer;
 pub use sample::{Frame, Workspace, sample_and_merge, sample_pixel};

@@ -7,14 +7,15 @@
 //! Invariant: r₁ is a function of scene and settings without the seed, so that all parts of a render agree.
 
 use crate::film::{Crop, SensorResponse};
-use crate::integrator::{Frame, Workspace, count_photons, sample_pixel};
+use crate::integrator::{Frame, PhotonTracer, Workspace, sample_pixel};
 use crate::math::hash::{combine, random_bits, unit_f64};
 use crate::scene::Settings;
 use crate::scene::settings::Sharing;
-use crate::transport::PassSettings;
 use crate::transport::context::SharedSample;
 use crate::transport::photons::bytes_per_vertex;
+use crate::transport::{Counters, PassSettings, PhotonBuffer, PhotonMap};
 use glam::DVec2;
+use rayon::prelude::*;
 
 /// r₁ in widths of a pixel, where the camera sees something.
 const PIXELS: f64 = 2.0;
@@ -199,6 +200,36 @@ pub fn shared_sample(frame: &Frame, index: u32) -> SharedSample {
     }
 }
 
+/// Traces the light sub-paths of all pixels of the crop and stores their vertices. The order of the photons is that of the pixels,
+/// whatever the threads. `None` where there are more than fit.
+#[must_use]
+pub fn trace_photons(
+    frame: &Frame,
+    pass: &PassSettings,
+    crop: &Crop,
+) -> (Option<PhotonMap>, Counters) {
+    let rows: Vec<(PhotonBuffer, Counters)> = (crop.y0..crop.y1)
+        .into_par_iter()
+        .map_init(PhotonTracer::default, |tracer, y| {
+            let mut buffer = PhotonBuffer::default();
+            tracer.counters = Counters::default();
+            for x in crop.x0..crop.x1 {
+                tracer.trace(frame, pass, (x, y), &mut buffer);
+            }
+            (buffer, tracer.counters)
+        })
+        .collect();
+    let mut counters = Counters::default();
+    let mut buffers = Vec::with_capacity(rows.len());
+    for (buffer, row) in rows {
+        counters.add(&row);
+        buffers.push(buffer);
+    }
+    let radius = pass.merge_radius.unwrap_or(0.0);
+    let map = PhotonMap::build(buffers, frame.lanes(), frame.scene.center, radius);
+    (map, counters)
+}
+
 /// What the passes of a render over part of the film will hold.
 #[must_use]
 pub fn memory(frame: &Frame, crop: &Crop) -> PhotonMemory {
@@ -207,9 +238,12 @@ pub fn memory(frame: &Frame, crop: &Crop) -> PhotonMemory {
         shared: Some(shared_sample(frame, PASS)),
         ..PassSettings::default()
     };
-    let count = count_photons(frame, &pass, lattice(crop));
+    let (mut tracer, mut buffer) = (PhotonTracer::default(), PhotonBuffer::default());
+    for pixel in lattice(crop) {
+        tracer.trace(frame, &pass, pixel, &mut buffer);
+    }
     PhotonMemory {
-        vertices_per_path: count as f64 / f64::from(SAMPLES),
+        vertices_per_path: buffer.len() as f64 / f64::from(SAMPLES),
         paths: crop.pixels(),
         bytes_per_vertex: bytes_per_vertex(frame.lanes()) as u64,
     }

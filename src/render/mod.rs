@@ -15,7 +15,7 @@ pub use outputs::{OutputRequest, Outputs};
 pub use table::ClassTable;
 
 use crate::film::{AddSumsError, Crop};
-use crate::integrator::{Frame, Workspace, sample_and_merge, trace_photons};
+use crate::integrator::{Frame, Workspace, sample_and_merge};
 use crate::scene::regularization::Decision;
 use crate::scene::{Scene, Settings};
 use crate::transport::regularize::scheduled_epsilon;
@@ -192,7 +192,7 @@ impl<'a> Render<'a> {
         let half = (index & 1) as usize;
         let mut photons = None;
         if self.radius.is_some() {
-            let (map, counters) = trace_photons(&self.frame, &pass, &self.crop);
+            let (map, counters) = merging::trace_photons(&self.frame, &pass, &self.crop);
             self.counters.add(&counters);
             self.photon_bytes = self
                 .photon_bytes
