@@ -194,6 +194,15 @@ pub(super) fn begin<'a>(
         }
     };
     let wavelengths = scene.wavelengths.sample(u_wavelength, lanes);
+    let sensor = &scene.sensors[frame.sensor];
+    let time = if scene.is_moving && !sensor.shutter.is_instant() {
+        let u = pass
+            .shared
+            .map_or_else(|| sampler.time(), |shared| shared.time);
+        sensor.shutter.at(u)
+    } else {
+        sensor.shutter.open_s
+    };
     media.clear();
     media.extend(scene.media.iter().map(|m| m.sample(&wavelengths)));
     let mut weights = [0.0; MAX_LANES];
@@ -206,7 +215,7 @@ pub(super) fn begin<'a>(
         pass,
         wavelengths,
         media,
-        time: pass.shared.map_or(0.0, |shared| shared.time),
+        time,
         response: weights,
     };
     (sampler, context)

@@ -1,4 +1,4 @@
-//! First-hit images: depth, normal and albedo through each pixel's centre.
+//! First-hit images: depth, normal and albedo through each pixel's centre, in the middle of the shutter.
 
 use crate::bsdf::Interface;
 use crate::film::Crop;
@@ -35,10 +35,10 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
         .flat_map_iter(|y| (crop.x0..crop.x1).map(move |x| (x, y)))
         .map(|(x, y)| {
             let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let start = scene.sensors[sensor]
-                .camera
-                .sample_ray(raster, DVec2::splat(0.5), 0.0);
-            let ray = Ray::leaving(start.xk.p, start.direction, 0.0, start.xk.surface);
+            let sensor = &scene.sensors[sensor];
+            let time = sensor.shutter.at(0.5);
+            let start = sensor.camera.sample_ray(raster, DVec2::splat(0.5), time);
+            let ray = Ray::leaving(start.xk.p, start.direction, time, start.xk.surface);
             let visible =
                 |id: crate::geometry::InstanceId| scene.objects[id.0 as usize].sensor.is_none();
             let Some(hit) = scene.accel.closest(&ray, visible) else {

@@ -136,7 +136,8 @@ pub fn choose_radius(frame: &Frame, response: &SensorResponse) -> RadiusChoice {
         for (x, y) in lattice(&whole) {
             sample_pixel(&pilot, &pass, (x, y), response, &mut workspace);
             let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let at = |raster| camera.sample_ray(raster, DVec2::splat(0.5), 0.0);
+            let time = scene.sensors[frame.sensor].shutter.at(0.5);
+            let at = |raster| camera.sample_ray(raster, DVec2::splat(0.5), time);
             let (here, next) = (at(raster), at(raster + DVec2::X));
             let offset = here.xk.p.distance(next.xk.p);
             let angle = here.direction.angle_between(next.direction);

@@ -3,6 +3,7 @@
 pub mod build;
 pub mod description;
 pub mod effects;
+pub mod moving;
 pub mod probe;
 pub mod regularization;
 pub mod settings;
@@ -13,7 +14,7 @@ pub use settings::Settings;
 
 use crate::camera::Camera;
 use crate::film::Filter;
-use crate::geometry::Accel;
+use crate::geometry::{Accel, Shutter};
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightContext, LightId};
 use crate::material::{Material, MaterialId};
@@ -50,6 +51,8 @@ pub struct Sensor {
     pub camera: Camera,
     /// Reconstruction filter.
     pub filter: Filter,
+    /// When it measures.
+    pub shutter: Shutter,
     /// The solids it is in.
     pub stack: MediumStack,
 }
@@ -83,6 +86,8 @@ pub struct Scene {
     pub center: DVec3,
     /// Radius of the bounding sphere in metres.
     pub radius: f64,
+    /// Whether anything moves: only then do paths draw a time.
+    pub is_moving: bool,
     /// What the scene calls for.
     pub effects: Vec<Effect>,
     /// Hash of the scene file and the files it refers to.

@@ -4,8 +4,8 @@
 use super::document::Source;
 use super::error::{Problem, SceneFileError, SceneFileErrors};
 use super::plan::{
-    AbsorptionPlan, IorPlan, LightKind, LightPlan, LobePlan, MediumPlan, MeshPlan, ObjectPlan,
-    Plan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
+    AbsorptionPlan, FramePlan, IorPlan, LightKind, LightPlan, LobePlan, MediumPlan, MeshPlan,
+    ObjectPlan, Plan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
 };
 use super::schema::FilterName;
 use crate::camera::detector::Detector;
@@ -13,7 +13,7 @@ use crate::camera::orthographic::Orthographic;
 use crate::camera::perspective::{Perspective, ThinLens};
 use crate::camera::{Camera, Resolution};
 use crate::film::Filter;
-use crate::geometry::{Mesh, Shape, Transform};
+use crate::geometry::{Link, Shape, Shutter, Transform};
 use crate::io::obj;
 use crate::light::Light;
 use crate::light::beam::BeamLight;
@@ -45,6 +45,12 @@ pub fn resolve(
         library: Library::embedded(),
         source,
         range_nm: plan.wavelengths.range_nm,
+        shutter: plan
+            .sensors
+            .iter()
+            .map(|sensor| sensor.shutter)
+            .reduce(Shutter::union)
+            .unwrap_or_default(),
         errors: Vec::new(),
     };
     let description = resolver.scene(plan, hash);
@@ -59,6 +65,8 @@ struct Resolver<'a> {
     library: &'static Library,
     source: &'a Source,
     range_nm: [f64; 2],
+    /// From the first sensor to open to the last to close.
+    shutter: Shutter,
     errors: Vec<SceneFileError>,
 }
 
@@ -68,7 +76,7 @@ impl Resolver<'_> {
     }
 
     fn scene(&mut self, plan: Plan, hash: u64) -> SceneDescription {
-        let meshes: Vec<Option<Arc<Mesh>>> = plan.meshes.iter().map(|m| self.mesh(m)).collect();
+        let meshes: Vec<Option<Shape>> = plan.meshes.iter().map(|m| self.mesh(m)).collect();
         SceneDescription {
             media: plan.media.iter().map(|m| self.medium(m)).collect(),
             materials: plan
@@ -82,7 +90,7 @@ impl Resolver<'_> {
                 .filter_map(|o| self.object(o, &meshes))
                 .collect(),
             lights: plan.lights.iter().map(|l| self.light(l)).collect(),
-            sensors: plan.sensors.iter().map(sensor).collect(),
+            sensors: plan.sensors.iter().map(|s| self.sensor(s)).collect(),
             wavelengths: plan.wavelengths,
             ambient: MediumId::AMBIENT,
             hash,
@@ -295,36 +303,49 @@ impl Resolver<'_> {
         }
     }
 
-    fn mesh(&mut self, plan: &MeshPlan) -> Option<Arc<Mesh>> {
-        match obj::load(&plan.path) {
-            Ok(mesh) => Some(Arc::new(mesh)),
+    fn mesh(&mut self, plan: &MeshPlan) -> Option<Shape> {
+        let bad = |frame: &FramePlan, message: String| Problem::BadFile {
+            path: frame.name.clone(),
+            message,
+        };
+        if let [file] = plan.frames.as_slice() {
+            return match obj::load(&file.path) {
+                Ok(mesh) => Some(Shape::Mesh(Arc::new(mesh))),
+                Err(error) => {
+                    self.error(&file.at, bad(file, error.to_string()));
+                    None
+                }
+            };
+        }
+        let mut frames = Vec::with_capacity(plan.frames.len());
+        for file in &plan.frames {
+            match obj::load_arrays(&file.path) {
+                Ok(arrays) => frames.push((file.time_s, arrays)),
+                Err(error) => self.error(&file.at, bad(file, error.to_string())),
+            }
+        }
+        if frames.len() < plan.frames.len() {
+            return None;
+        }
+        match obj::deforming(frames, self.shutter) {
+            Ok(shape) => Some(shape),
             Err(error) => {
-                let message = error.to_string();
-                self.error(
-                    &plan.at,
-                    Problem::BadFile {
-                        path: plan.name.clone(),
-                        message,
-                    },
-                );
+                let file = &plan.frames[error.frame().min(plan.frames.len() - 1)];
+                self.error(&file.at, bad(file, error.to_string()));
                 None
             }
         }
     }
 
     /// `None` where its mesh could not be read, which has been reported.
-    fn object(
-        &mut self,
-        plan: &ObjectPlan,
-        meshes: &[Option<Arc<Mesh>>],
-    ) -> Option<ObjectDescription> {
+    fn object(&mut self, plan: &ObjectPlan, meshes: &[Option<Shape>]) -> Option<ObjectDescription> {
         let shape = match plan.shape {
             ShapePlan::Sphere => Shape::Sphere,
             ShapePlan::Disk { inner } => Shape::Disk { inner },
             ShapePlan::Quad => Shape::Quad,
             ShapePlan::Cylinder => Shape::Cylinder,
             ShapePlan::Box => Shape::Box,
-            ShapePlan::Mesh(index) => Shape::Mesh(meshes.get(index)?.clone()?),
+            ShapePlan::Mesh(index) => meshes.get(index)?.clone()?,
         };
         if let (Some(at), Boundary::Solid { .. }, false) =
             (&plan.interior_at, plan.boundary, shape.is_closed())
@@ -343,7 +364,7 @@ impl Resolver<'_> {
         Some(ObjectDescription {
             name: plan.name.clone(),
             shape,
-            transform: Transform::fixed(plan.to_world),
+            transform: self.placed(plan.to_world, &plan.motion),
             material: MaterialId(plan.material),
             boundary: plan.boundary,
             emission,
@@ -390,9 +411,31 @@ impl Resolver<'_> {
                 radiance: self.emission(radiance),
             }),
         };
+        let light = if plan.motion.is_empty() {
+            light
+        } else {
+            light.under(&plan.motion, self.shutter)
+        };
         LightDescription {
             name: plan.name.clone(),
             light,
+        }
+    }
+
+    fn sensor(&self, plan: &SensorPlan) -> SensorDescription {
+        let mut sensor = sensor(plan);
+        if !plan.motion.is_empty() {
+            sensor.camera = sensor.camera.under(&plan.motion, self.shutter);
+        }
+        sensor
+    }
+
+    fn placed(&self, to_world: DAffine3, motion: &[Link]) -> Transform {
+        let fixed = Transform::fixed(to_world);
+        if motion.is_empty() {
+            fixed
+        } else {
+            fixed.under(motion, self.shutter)
         }
     }
 }
@@ -477,5 +520,6 @@ fn sensor(plan: &SensorPlan) -> SensorDescription {
         name: plan.name.clone(),
         camera,
         filter,
+        shutter: plan.shutter,
     }
 }

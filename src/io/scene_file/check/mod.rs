@@ -1,5 +1,6 @@
 //! From what the file says to a [`Plan`]: ranges, units, names, files. Nothing here stops at the first problem.
 
+mod motion;
 mod object;
 mod optics;
 mod render;
@@ -9,7 +10,7 @@ mod spectrum;
 use super::document::Source;
 use super::error::{Problem, SceneFileError};
 use super::files;
-use super::plan::{IorPlan, MediumPlan, MeshPlan, Plan, Span, SpectrumPlan};
+use super::plan::{IorPlan, LightPlan, MediumPlan, MeshPlan, Plan, Span, SpectrumPlan};
 use super::schema::{At, Named, SceneFile};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -112,13 +113,14 @@ impl Checker<'_> {
             &medium_ids,
             &mesh_ids,
         );
-        let lights = file
+        let lights: Vec<LightPlan> = file
             .light
             .iter()
             .enumerate()
             .filter_map(|(i, l)| self.light(i, l))
             .collect();
         let sensors = self.sensors(&file.sensor, &file.render);
+        self.still_motion(&objects, &lights, &sensors);
         Plan {
             media,
             materials,

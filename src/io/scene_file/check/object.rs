@@ -1,20 +1,26 @@
 //! Objects, their transforms and media, and lights.
 
 use super::super::files::MAX_OBJ_BYTES;
-use super::super::plan::{LightKind, LightPlan, LobePlan, MeshPlan, ObjectPlan, ShapePlan, Span};
+use super::super::plan::{
+    FramePlan, LightKind, LightPlan, LobePlan, MeshPlan, ObjectPlan, ShapePlan, Span,
+};
 use super::super::schema::{
     At, Light, Material, Mesh, NameOr, Named, Object, Quad, Scale, TransformStep,
 };
+use super::motion::May;
 use super::spectrum::Use;
-use super::{Allowed, Checker, NON_NEGATIVE, POSITIVE, label};
+use super::{Allowed, Checker, FINITE, NON_NEGATIVE, POSITIVE, label};
 use crate::medium::{Boundary, MediumId};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 const HALF_ANGLE: Allowed = Allowed {
     text: "above 0, at most 180 degrees",
     test: |v| v > 0.0 && v <= 180.0,
 };
+/// Most frames of a mesh.
+const MAX_FRAMES: usize = 1024;
 /// Material without lobes: the last one of the plan.
 type Materials = [Vec<(f64, LobePlan)>];
 
@@ -23,25 +29,65 @@ impl Checker<'_> {
     pub(super) fn named_meshes(&mut self, meshes: &Named<Mesh>) -> BTreeMap<String, usize> {
         let mut ids = BTreeMap::new();
         for (name, mesh) in meshes {
-            if let Some(id) = self.mesh(&mesh.obj) {
+            if let Some(id) = self.mesh(mesh, &name.span()) {
                 ids.insert(name.get_ref().clone(), id);
             }
         }
         ids
     }
 
-    /// The index of a mesh file: the same file is read once.
-    fn mesh(&mut self, obj: &At<String>) -> Option<usize> {
-        let path = self.file(obj, MAX_OBJ_BYTES)?;
-        let known = self.meshes.iter().position(|m| m.path == path);
+    /// The index of a mesh: the same one is read once.
+    fn mesh(&mut self, mesh: &Mesh, at: &Span) -> Option<usize> {
+        let frames = match (&mesh.obj, &mesh.frames) {
+            (Some(obj), None) => vec![self.mesh_file(0.0, obj)?],
+            (None, Some(frames)) => {
+                let given = frames.get_ref();
+                if given.is_empty() || given.len() > MAX_FRAMES {
+                    let message = format!("{} frames (allowed: 1 to {MAX_FRAMES})", given.len());
+                    self.conflict(&frames.span(), message);
+                    return None;
+                }
+                let mut plans = Vec::with_capacity(given.len());
+                let mut last = f64::NEG_INFINITY;
+                for frame in given {
+                    let time = self.number("time", &frame.get_ref().time, FINITE);
+                    if time <= last {
+                        self.conflict(
+                            &frame.get_ref().time.span(),
+                            "time is not above that of the frame before",
+                        );
+                    }
+                    last = time;
+                    plans.push(self.mesh_file(time, &frame.get_ref().obj));
+                }
+                plans.into_iter().collect::<Option<Vec<FramePlan>>>()?
+            }
+            _ => {
+                self.conflict(at, "a mesh needs either obj or frames");
+                return None;
+            }
+        };
+        let key = |frames: &[FramePlan]| -> Vec<(u64, PathBuf)> {
+            let one = |f: &FramePlan| (f.time_s.to_bits(), f.path.clone());
+            frames.iter().map(one).collect()
+        };
+        let known = self
+            .meshes
+            .iter()
+            .position(|m| key(&m.frames) == key(&frames));
         Some(known.unwrap_or_else(|| {
-            self.meshes.push(MeshPlan {
-                path,
-                name: obj.get_ref().clone(),
-                at: obj.span(),
-            });
+            self.meshes.push(MeshPlan { frames });
             self.meshes.len() - 1
         }))
+    }
+
+    fn mesh_file(&mut self, time_s: f64, obj: &At<String>) -> Option<FramePlan> {
+        Some(FramePlan {
+            time_s,
+            path: self.file(obj, MAX_OBJ_BYTES)?,
+            name: obj.get_ref().clone(),
+            at: obj.span(),
+        })
     }
 
     pub(super) fn objects(
@@ -107,11 +153,13 @@ impl Checker<'_> {
             if singular && self.errors.len() == errors_before {
                 self.conflict(&at, "the object has no volume or area after its transform (allowed: an invertible transform)");
             }
+            let motion = self.motion(&o.motion, May::Scale);
             let interior_at = o.interior.as_ref().map(At::span);
             plans.push(ObjectPlan {
                 name,
                 shape,
                 to_world,
+                motion,
                 material: material as u32,
                 boundary,
                 emission,
@@ -223,7 +271,7 @@ impl Checker<'_> {
         }
         let source = o.mesh.as_ref()?;
         let id = match source.get_ref() {
-            NameOr::Table(mesh) => self.mesh(&mesh.obj)?,
+            NameOr::Table(mesh) => self.mesh(mesh, &source.span())?,
             NameOr::Name(name) => meshes.get(name).copied().or_else(|| {
                 self.unknown(
                     "mesh",
@@ -429,7 +477,14 @@ impl Checker<'_> {
                 radiance: self.spectrum("radiance", &environment.radiance, Use::Emission),
             }
         };
-        Some(LightPlan { name, kind })
+        if let (Some(motion), LightKind::Environment { .. }) = (l.motion.first(), &kind) {
+            self.conflict(
+                &motion.span(),
+                "an environment is the same from everywhere: it cannot move (allowed: motion for lights with a place or direction)",
+            );
+        }
+        let motion = self.motion(&l.motion, May::KeepSize);
+        Some(LightPlan { name, motion, kind })
     }
 }
 

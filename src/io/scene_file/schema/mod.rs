@@ -2,12 +2,14 @@
 //!
 //! No flattened, internally tagged or untagged tables: serde buffers those and loses the place of an error.
 
+mod motion;
 mod object;
 mod optics;
 mod render;
 mod sensor;
 mod spectrum;
 
+pub use motion::{InterpolationName, Motion, MotionKey};
 pub use object::{Light, Mesh, Object, Quad, Scale, TransformStep};
 pub use optics::{
     Absorption, Conductor, Dielectric, Diffuse, Material, Medium, Mirror, Roughness, Thin,

@@ -1,17 +1,27 @@
 //! `[mesh.NAME]`, `[[object]]` and `[[light]]`.
 
+use super::motion::Motion;
 use super::spectrum::Spectrum;
 use super::{At, NameOr};
 use serde::Deserialize;
 
-/// A mesh that several objects use.
+/// A mesh that several objects use: a file, or one per moment.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
+    pub obj: Option<At<String>>,
+    pub frames: Option<At<Vec<At<MeshFrame>>>>,
+}
+
+/// The form of a mesh at one moment.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshFrame {
+    pub time: At<f64>,
     pub obj: At<String>,
 }
 
-/// The name of a `[mesh.NAME]`, or `{ obj = "file.obj" }`.
+/// The name of a `[mesh.NAME]`, or its keys.
 pub type MeshSource = NameOr<Mesh>;
 
 /// A surface: exactly one shape.
@@ -28,6 +38,8 @@ pub struct Object {
     pub mesh: Option<At<MeshSource>>,
     #[serde(default)]
     pub transform: Vec<At<TransformStep>>,
+    #[serde(default)]
+    pub motion: Vec<At<Motion>>,
     pub material: Option<At<String>>,
     pub interior: Option<At<String>>,
     pub priority: Option<At<i32>>,
@@ -121,6 +133,8 @@ pub struct Light {
     pub directional: Option<At<Directional>>,
     pub beam: Option<At<Beam>>,
     pub environment: Option<At<Environment>>,
+    #[serde(default)]
+    pub motion: Vec<At<Motion>>,
 }
 
 #[derive(Debug, Deserialize)]
