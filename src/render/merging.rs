@@ -217,6 +217,7 @@ pub fn trace_photons(
             for x in crop.x0..crop.x1 {
                 tracer.trace(frame, pass, (x, y), &mut buffer);
             }
+            buffer.shrink_to_fit();
             (buffer, tracer.counters)
         })
         .collect();

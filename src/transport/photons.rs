@@ -132,6 +132,12 @@ impl PhotonBuffer {
         self.photons.is_empty()
     }
 
+    /// Gives back memory beyond what it holds.
+    pub fn shrink_to_fit(&mut self) {
+        self.photons.shrink_to_fit();
+        self.lanes.shrink_to_fit();
+    }
+
     /// Adds the vertices of a light sub-path at which paths can be merged.
     pub fn add(
         &mut self,
