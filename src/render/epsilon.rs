@@ -74,7 +74,7 @@ pub fn choose(frame: &Frame, response: &SensorResponse) -> EpsilonChoice {
             epsilon: FALLBACK,
             reason: "no path of the pilot joins a specular surface to another one".to_owned(),
         },
-        Some((prior, why)) => pilot.refined(prior, why),
+        Some((prior, why)) => pilot.refined(prior, &why),
     }
 }
 
@@ -187,7 +187,7 @@ impl Pilot<'_> {
     }
 
     /// The prior, moved to where squared bias and variance balance.
-    fn refined(&self, prior: f64, why: String) -> EpsilonChoice {
+    fn refined(&self, prior: f64, why: &str) -> EpsilonChoice {
         let columns = self.film.x1.div_ceil(REGION);
         let regions = (columns * self.film.y1.div_ceil(REGION)) as usize;
         let passes: Vec<Vec<Sums>> = (0..PASSES)

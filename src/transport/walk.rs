@@ -148,7 +148,10 @@ pub fn walk(
             return;
         }
 
-        throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
+        // light from infinity is given as it arrives
+        if !(infinite && path.vertices.is_empty()) {
+            throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
+        }
         let geometric_cos = ray.d.dot(point.ng).abs();
         let own = travel.area_density(geometric_cos, distance * distance);
         let (here, there) = (stack.region(), behind.region());
@@ -333,6 +336,10 @@ fn record_sensor_hit(
         distance: distance_counted,
         medium: stack.medium(),
         density,
-        throughput: throughput.times(&context.medium(stack.medium()).transmittance(distance)),
+        throughput: if distance_counted.is_finite() {
+            throughput.times(&context.medium(stack.medium()).transmittance(distance))
+        } else {
+            throughput
+        },
     });
 }
