@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 const FLOORS: [&[&str]; 9] = [
     &["math"],
     &["spectrum"],
-    &["geometry"],
+    &["geometry", "texture"],
     &[
         "bsdf", "camera", "film", "light", "material", "medium", "sampler",
     ],

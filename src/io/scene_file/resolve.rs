@@ -261,36 +261,37 @@ impl Resolver<'_> {
         Material {
             lobes: lobes
                 .iter()
-                .map(|(weight, lobe)| (*weight, self.lobe(lobe)))
+                .map(|(weight, lobe)| ((*weight).into(), self.lobe(lobe)))
                 .collect(),
+            ..Material::default()
         }
     }
 
     fn lobe(&mut self, plan: &LobePlan) -> LobeSpec {
         match plan {
             LobePlan::Diffuse { reflectance } => LobeSpec::Diffuse {
-                reflectance: self.reflectance(reflectance),
+                reflectance: self.reflectance(reflectance).into(),
             },
             LobePlan::Mirror { reflectance } => LobeSpec::Mirror {
-                reflectance: self.reflectance(reflectance),
+                reflectance: self.reflectance(reflectance).into(),
             },
             LobePlan::Conductor { ior, alpha, tint } => LobeSpec::Conductor {
                 ior: self.ior(ior, true),
-                alpha: *alpha,
-                tint: self.reflectance(tint),
+                alpha: alpha.map(Into::into),
+                tint: self.reflectance(tint).into(),
             },
             LobePlan::Dielectric {
                 alpha,
                 reflect_tint,
                 transmit_tint,
             } => LobeSpec::Dielectric {
-                alpha: *alpha,
-                reflect_tint: self.reflectance(reflect_tint),
-                transmit_tint: self.reflectance(transmit_tint),
+                alpha: alpha.map(Into::into),
+                reflect_tint: self.reflectance(reflect_tint).into(),
+                transmit_tint: self.reflectance(transmit_tint).into(),
             },
             LobePlan::Thin { ior, transmit_tint } => LobeSpec::Thin {
                 ior: self.ior(ior, false),
-                transmit_tint: self.reflectance(transmit_tint),
+                transmit_tint: self.reflectance(transmit_tint).into(),
             },
         }
     }
@@ -338,6 +339,7 @@ impl Resolver<'_> {
             .as_ref()
             .map(|(spectrum, two_sided)| AreaEmission {
                 radiance: self.emission(spectrum),
+                pattern: None,
                 two_sided: *two_sided,
             });
         Some(ObjectDescription {
@@ -386,9 +388,9 @@ impl Resolver<'_> {
                 self.emission(irradiance),
                 *radius_m,
             )),
-            LightKind::Environment { radiance } => Light::Environment(EnvironmentLight {
-                radiance: self.emission(radiance),
-            }),
+            LightKind::Environment { radiance } => Light::Environment(EnvironmentLight::uniform(
+                self.emission(radiance),
+            )),
         };
         LightDescription {
             name: plan.name.clone(),
