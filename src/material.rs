@@ -347,12 +347,7 @@ impl Material {
             })
             .filter(|(weight, _)| *weight > 0.0)
             .take(4)
-            .map(|(weight, spec)| {
-                (
-                    weight as f32,
-                    spec.build(point.uv, wavelengths, interface),
-                )
-            })
+            .map(|(weight, spec)| (weight as f32, spec.build(point.uv, wavelengths, interface)))
             .collect();
         Bsdf {
             lobes,

@@ -27,9 +27,15 @@ impl Coat {
     pub fn new(index: f64, strength: f64) -> Self {
         // midpoints in cos²: ∫ R 2 cos dcos; the square root at grazing angles costs 1e-4 at this many
         const STEPS: u32 = 512;
-        let at = |i: u32| fresnel::dielectric(((f64::from(i) + 0.5) / f64::from(STEPS)).sqrt(), 1.0, index);
+        let at = |i: u32| {
+            fresnel::dielectric(((f64::from(i) + 0.5) / f64::from(STEPS)).sqrt(), 1.0, index)
+        };
         let mean = (0..STEPS).map(at).sum::<f64>() / f64::from(STEPS);
-        Self { index, strength, mean }
+        Self {
+            index,
+            strength,
+            mean,
+        }
     }
 
     /// The same layer of another strength.
@@ -54,7 +60,12 @@ pub struct CoatedDiffuse {
 }
 
 impl CoatedDiffuse {
-    pub(super) fn eval(&self, w_light: DVec3, w_camera: DVec3, interface: &Interface) -> Option<BsdfEval> {
+    pub(super) fn eval(
+        &self,
+        w_light: DVec3,
+        w_camera: DVec3,
+        interface: &Interface,
+    ) -> Option<BsdfEval> {
         let cos_camera = cosine_on_side(w_camera, w_light)?;
         let cos_light = w_light.z.abs();
         let eta = interface.near(w_light.z > 0.0);
@@ -89,7 +100,10 @@ mod tests {
         };
         for (index, strength) in [(1.5, 1.0), (2.4, 1.0), (1.5, 0.3)] {
             let coat = Coat::new(index, strength);
-            let lobe = CoatedDiffuse { reflectance: SampledSpectrum::ONE, coat };
+            let lobe = CoatedDiffuse {
+                reflectance: SampledSpectrum::ONE,
+                coat,
+            };
             for cos in [0.1_f64, 0.5, 1.0] {
                 let w = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
                 let n = 20_000;
@@ -97,12 +111,16 @@ mod tests {
                     .map(|i| {
                         let c = ((f64::from(i) + 0.5) / f64::from(n)).sqrt();
                         let other = DVec3::new(0.0, (1.0 - c * c).sqrt(), c);
-                        lobe.eval(w, other, &interface).map_or(0.0, |e| f64::from(e.g[0]))
+                        lobe.eval(w, other, &interface)
+                            .map_or(0.0, |e| f64::from(e.g[0]))
                     })
                     .sum();
                 let diffuse = sum * std::f64::consts::PI / f64::from(n);
                 let layer = strength * fresnel::dielectric(cos, 1.0, index);
-                assert!((diffuse + layer - 1.0).abs() < 5e-4, "{index} {cos}: {diffuse} {layer}");
+                assert!(
+                    (diffuse + layer - 1.0).abs() < 5e-4,
+                    "{index} {cos}: {diffuse} {layer}"
+                );
             }
         }
     }

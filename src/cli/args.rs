@@ -50,6 +50,8 @@ pub enum Command {
     Glass(GlassOptions),
     /// Adds up part files of disjoint passes
     Merge(MergeOptions),
+    /// Writes an editable scene file that refers to a model
+    Convert(ConvertOptions),
 }
 
 /// Names of integrators.
@@ -111,7 +113,7 @@ pub struct Overrides {
 /// Options of `abbe render`.
 #[derive(Debug, Args)]
 pub struct RenderOptions {
-    /// The scene file
+    /// The scene file, or a model (.gltf, .glb, .obj, .ply)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// The image to write; NAME.exr (NAME.SENSOR.exr with several sensors) in the working directory otherwise
@@ -193,7 +195,7 @@ pub struct RenderOptions {
 /// Options of `abbe info`.
 #[derive(Debug, Args)]
 pub struct InfoOptions {
-    /// The scene file
+    /// The scene file, or a model (.gltf, .glb, .obj, .ply)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     #[command(flatten)]
@@ -250,6 +252,20 @@ pub struct MergeOptions {
     #[arg(long)]
     pub no_preview: bool,
     /// Prints nothing but errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Options of `abbe convert`.
+#[derive(Debug, Args)]
+pub struct ConvertOptions {
+    /// The model: glTF (.gltf, .glb), OBJ or PLY
+    #[arg(value_name = "MODEL")]
+    pub model: PathBuf,
+    /// The scene file to write, in the model's folder or above it
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Prints nothing but warnings and errors
     #[arg(short, long)]
     pub quiet: bool,
 }

@@ -4,6 +4,7 @@
 
 mod args;
 mod compare;
+mod convert;
 mod error;
 mod glass;
 mod image_output;
@@ -51,6 +52,7 @@ pub fn run() -> ExitCode {
         Command::Compare(options) => compare::run(&options),
         Command::Glass(options) => glass::run(&options),
         Command::Merge(options) => merge::run(&options),
+        Command::Convert(options) => convert::run(&options),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -9,7 +9,7 @@ use super::interrupt::Interrupt;
 use super::load::{self, Loaded};
 use super::progress::Progress;
 use super::stats::{self, SensorStats};
-use super::usage::{bytes_text, film_bytes, geometry_bytes};
+use super::usage::{bytes_text, film_bytes, geometry_bytes, texture_bytes};
 use super::{CliError, Outcome, print, summary};
 use crate::film::{Crop, SensorResponse, SpectralChannels};
 use crate::io::atomic::check_writable;
@@ -245,13 +245,15 @@ fn check_memory(
         .map(|c| film_bytes(c.pixels(), channels as u64))
         .max()
         .unwrap_or(0);
-    let needed = films.saturating_add(geometry_bytes(&loaded.scene));
+    let needed = films
+        .saturating_add(geometry_bytes(&loaded.scene))
+        .saturating_add(texture_bytes(&loaded.scene));
     if needed <= limit {
         return Ok(());
     }
     let (needed, limit) = (bytes_text(needed), bytes_text(limit));
     Err(CliError::Failed(format!(
-        "films and meshes need {needed}, --max-memory allows {limit}"
+        "films, meshes and textures need {needed}, --max-memory allows {limit}"
     )))
 }
 

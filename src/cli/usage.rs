@@ -61,6 +61,12 @@ pub fn geometry_bytes(scene: &Scene) -> u64 {
     bytes
 }
 
+/// Bytes of the images of a scene, shared ones once.
+#[must_use]
+pub fn texture_bytes(scene: &Scene) -> u64 {
+    scene.images().iter().map(|i| i.bytes() as u64).sum()
+}
+
 /// A number of bytes for reading.
 #[must_use]
 pub fn bytes_text(bytes: u64) -> String {

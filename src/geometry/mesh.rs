@@ -298,8 +298,8 @@ impl Mesh {
         let attributes = self.attributes.as_ref()?;
         let uvs = attributes.uvs.as_ref()?;
         let [a, b, c] = self.corners(prim);
-        let [i, j, k] = attributes.indices[prim as usize]
-            .map(|v| DVec2::from(uvs[v as usize].map(f64::from)));
+        let [i, j, k] =
+            attributes.indices[prim as usize].map(|v| DVec2::from(uvs[v as usize].map(f64::from)));
         let (s, t) = (j - i, k - i);
         let determinant = s.perp_dot(t);
         let (p, q) = (b - a, c - a);
@@ -315,7 +315,11 @@ impl Mesh {
         let (ss, st, tt) = (s.dot(s), s.dot(t), t.dot(t));
         let (qs, qt) = (q.dot(s), q.dot(t));
         let w = DVec2::new(tt * qs - st * qt, ss * qt - st * qs) / (ss * tt - st * st);
-        if w.is_finite() { w.clamp(DVec2::ZERO, DVec2::ONE) } else { DVec2::ZERO }
+        if w.is_finite() {
+            w.clamp(DVec2::ZERO, DVec2::ONE)
+        } else {
+            DVec2::ZERO
+        }
     }
 
     /// A point uniform over the area in object space.

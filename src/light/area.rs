@@ -35,7 +35,8 @@ impl AreaLight {
 
     /// Flux per unit radiance.
     pub(super) fn flux_factor(&self, context: &LightContext) -> f64 {
-        PI * self.geometry(context).area(context.time) * self.sides()
+        let mean = self.pattern.as_ref().map_or(1.0, SpectrumTexture::mean);
+        PI * self.geometry(context).area(context.time) * self.sides() * mean
     }
 
     /// Cosine towards `direction` (away from the light) where that side emits, else 0.

@@ -39,7 +39,9 @@ impl EnvironmentImage {
         let (w, h) = (texture.image.width(), texture.image.height());
         let luminance = |x: usize, y: usize| {
             let rgb = texture.image.texel(0, x, y);
-            (0..3).map(|c| LUMINANCE[c] * f64::from(rgb[c])).sum::<f64>()
+            (0..3)
+                .map(|c| LUMINANCE[c] * f64::from(rgb[c]))
+                .sum::<f64>()
         };
         // means over texels: along rows, then between rows
         let blurred: Vec<f64> = (0..h)

@@ -179,14 +179,10 @@ impl Light {
         match self {
             Self::Area(light) => {
                 let (pattern, face) = (light.pattern.as_ref()?, x0.surface?);
-                let uv = context
-                    .accel
-                    .texture_coordinates(face, x0.p, context.time);
+                let uv = context.accel.texture_coordinates(face, x0.p, context.time);
                 Some(pattern.sample(uv, wavelengths))
             }
-            Self::Environment(light) => {
-                Some(light.image.as_ref()?.factor(x0.n, wavelengths))
-            }
+            Self::Environment(light) => Some(light.image.as_ref()?.factor(x0.n, wavelengths)),
             _ => None,
         }
     }

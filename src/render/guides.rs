@@ -38,13 +38,22 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
             let start = scene.sensors[sensor]
                 .camera
                 .sample_ray(raster, DVec2::splat(0.5), 0.0);
-            let ray = Ray::leaving(start.xk.p, start.direction, 0.0, start.xk.surface);
+            let mut ray = Ray::leaving(start.xk.p, start.direction, 0.0, start.xk.surface);
             let visible =
                 |id: crate::geometry::InstanceId| scene.objects[id.0 as usize].sensor.is_none();
-            let Some(hit) = scene.accel.closest(&ray, visible) else {
-                return Guide::default();
+            let (hit, point) = loop {
+                let Some(hit) = scene.accel.closest(&ray, visible) else {
+                    return Guide::default();
+                };
+                let point = scene.accel.surface(&ray, &hit);
+                // what is mostly open is looked through
+                if !scene.objects[hit.id.instance.0 as usize].covered
+                    || scene.coverage(&point) >= 0.5
+                {
+                    break (hit, scene.shading_point(point, 0.0));
+                }
+                ray = Ray::leaving(point.p, ray.d, 0.0, Some(point.id));
             };
-            let point = scene.accel.surface(&ray, &hit);
             let material =
                 &scene.materials[scene.objects[hit.id.instance.0 as usize].material.0 as usize];
             let mut albedo = [0.0; 3];
@@ -66,7 +75,7 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                 }
             }
             Guide {
-                depth: hit.t,
+                depth: start.xk.p.distance(point.p),
                 normal: point.ns,
                 albedo,
             }

@@ -152,7 +152,9 @@ impl Scene {
     #[must_use]
     pub fn images(&self) -> Vec<Arc<Image>> {
         let mut all = Vec::new();
-        self.materials.iter().for_each(|m| m.append_images(&mut all));
+        self.materials
+            .iter()
+            .for_each(|m| m.append_images(&mut all));
         self.lights.iter().for_each(|l| l.append_images(&mut all));
         all.sort_by_key(Arc::as_ptr);
         all.dedup_by_key(|image| Arc::as_ptr(image));

@@ -142,11 +142,7 @@ impl Image {
     ///
     /// # Errors
     /// If the size is 0 or too large or does not match the values, or a value is negative or not finite.
-    pub fn from_floats(
-        width: u32,
-        height: u32,
-        values: Vec<[f32; 3]>,
-    ) -> Result<Self, ImageError> {
+    pub fn from_floats(width: u32, height: u32, values: Vec<[f32; 3]>) -> Result<Self, ImageError> {
         check_size(width, height, values.len())?;
         let bad = |t: &[f32; 3]| !t.iter().all(|v| v.is_finite() && *v >= 0.0);
         if let Some(i) = values.iter().position(bad) {

@@ -171,11 +171,7 @@ mod tests {
     fn beyond_the_border() {
         let mut t = square();
         t.filter = Filter::Nearest;
-        for (wrap, want) in [
-            (Wrap::Repeat, 0.0),
-            (Wrap::Mirror, 1.0),
-            (Wrap::Clamp, 1.0),
-        ] {
+        for (wrap, want) in [(Wrap::Repeat, 0.0), (Wrap::Mirror, 1.0), (Wrap::Clamp, 1.0)] {
             t.wrap = [wrap; 2];
             assert_eq!(red(&t, 1.25, 0.75), want, "{wrap:?}");
         }
@@ -197,11 +193,8 @@ mod tests {
     fn maps_and_pyramids() {
         let mut t = square();
         t.filter = Filter::Nearest;
-        t.map = DAffine2::from_scale_angle_translation(
-            DVec2::splat(0.5),
-            0.0,
-            DVec2::new(0.5, 0.0),
-        );
+        t.map =
+            DAffine2::from_scale_angle_translation(DVec2::splat(0.5), 0.0, DVec2::new(0.5, 0.0));
         assert_eq!(red(&t, 0.1, 0.1), 3.0);
         let pyramid = Image::clone(&square().image).with_pyramid();
         t = ImageTexture::new(Arc::new(pyramid));

@@ -124,6 +124,22 @@ impl SpectrumTexture {
         matches!(self, Self::Uniform(Curve::Constant(v)) if *v == value)
     }
 
+    /// Mean of red, green and blue over the image (1 where there is none): how bright a pattern of emission is.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        let Self::Image { texture, factor } = self else {
+            return 1.0;
+        };
+        let image = &texture.image;
+        let (w, h) = (image.width(), image.height());
+        let mut sum = 0.0;
+        for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
+            let texel = image.texel(0, x, y);
+            sum += (0..3).map(|c| f64::from(texel[c] * factor[c])).sum::<f64>();
+        }
+        sum / (3 * w * h) as f64
+    }
+
     /// Appends the images behind it.
     pub fn append_images(&self, out: &mut Vec<Arc<Image>>) {
         if let Self::Image { texture, .. } = self {

@@ -4,24 +4,29 @@
 use super::document::Source;
 use super::error::{Problem, SceneFileError, SceneFileErrors};
 use super::plan::{
-    AbsorptionPlan, IorPlan, LightKind, LightPlan, LobePlan, MediumPlan, MeshPlan, ObjectPlan,
-    Plan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
+    AbsorptionPlan, ImagePlan, IorPlan, LightKind, LightPlan, LobePlan, MaterialPlan, MediumPlan,
+    MeshPlan, ObjectPlan, Plan, ScalarPlan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan,
+    SpectrumSource, TexturePlan,
 };
-use super::schema::FilterName;
+use super::schema::{FilterName, OutputUnits};
+use crate::bsdf::coated::Coat;
 use crate::camera::detector::Detector;
 use crate::camera::orthographic::Orthographic;
 use crate::camera::perspective::{Perspective, ThinLens};
 use crate::camera::{Camera, Resolution};
-use crate::film::Filter;
+use crate::film::Filter as FilmFilter;
 use crate::geometry::{Mesh, Shape, Transform};
-use crate::io::obj;
+use crate::io::model::ModelKind;
+use crate::io::{gltf, image_file, model, obj, ply};
 use crate::light::Light;
 use crate::light::beam::BeamLight;
 use crate::light::directional::DirectionalLight;
 use crate::light::environment::EnvironmentLight;
+use crate::light::environment_image::EnvironmentImage;
 use crate::light::point::PointLight;
 use crate::light::spot::SpotLight;
-use crate::material::{LobeSpec, Material, MaterialId};
+use crate::material::{Coverage, LobeSpec, Material, MaterialId, NormalMap};
+use crate::math::hash::combine;
 use crate::medium::{Boundary, Medium, MediumId};
 use crate::scene::description::{
     AreaEmission, LightDescription, ObjectDescription, SceneDescription, SensorDescription,
@@ -29,10 +34,13 @@ use crate::scene::description::{
 use crate::spectrum::emission::Line;
 use crate::spectrum::library::{Library, LibraryError};
 use crate::spectrum::{Curve, Emission, Ior, upsample};
-use glam::{DAffine3, DMat3};
+use crate::texture::{Filter, Image, ImageTexture, ScalarTexture, SpectrumTexture, Wrap};
+use glam::{DAffine2, DAffine3, DMat3};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Builds the description.
+/// Builds the description; also gives what the models say of themselves.
 ///
 /// # Errors
 /// Unknown library names, indices without data, meshes that cannot be read or are not closed where they must be.
@@ -40,16 +48,18 @@ pub fn resolve(
     plan: Plan,
     hash: u64,
     source: &Source,
-) -> Result<SceneDescription, SceneFileErrors> {
+) -> Result<(SceneDescription, Vec<String>), SceneFileErrors> {
     let mut resolver = Resolver {
         library: Library::embedded(),
         source,
         range_nm: plan.wavelengths.range_nm,
+        images: BTreeMap::new(),
+        notes: Vec::new(),
         errors: Vec::new(),
     };
-    let description = resolver.scene(plan, hash);
+    let description = resolver.scene(&plan, hash);
     match SceneFileErrors::from_unsorted(resolver.errors) {
-        None => Ok(description),
+        None => Ok((description, resolver.notes)),
         Some(errors) => Err(errors),
     }
 }
@@ -59,6 +69,10 @@ struct Resolver<'a> {
     library: &'static Library,
     source: &'a Source,
     range_nm: [f64; 2],
+    /// By file, encoding and whether with a pyramid; `None` where it cannot be read, which has been reported.
+    images: BTreeMap<(PathBuf, bool, bool), Option<Arc<Image>>>,
+    /// What models say of themselves.
+    notes: Vec<String>,
     errors: Vec<SceneFileError>,
 }
 
@@ -67,15 +81,11 @@ impl Resolver<'_> {
         self.errors.push(self.source.error(at, problem));
     }
 
-    fn scene(&mut self, plan: Plan, hash: u64) -> SceneDescription {
+    fn scene(&mut self, plan: &Plan, hash: u64) -> SceneDescription {
         let meshes: Vec<Option<Arc<Mesh>>> = plan.meshes.iter().map(|m| self.mesh(m)).collect();
-        SceneDescription {
+        let mut scene = SceneDescription {
             media: plan.media.iter().map(|m| self.medium(m)).collect(),
-            materials: plan
-                .materials
-                .iter()
-                .map(|lobes| self.material(lobes))
-                .collect(),
+            materials: plan.materials.iter().map(|m| self.material(m)).collect(),
             objects: plan
                 .objects
                 .iter()
@@ -83,10 +93,12 @@ impl Resolver<'_> {
                 .collect(),
             lights: plan.lights.iter().map(|l| self.light(l)).collect(),
             sensors: plan.sensors.iter().map(sensor).collect(),
-            wavelengths: plan.wavelengths,
+            wavelengths: plan.wavelengths.clone(),
             ambient: MediumId::AMBIENT,
             hash,
-        }
+        };
+        self.models(plan, &mut scene);
+        scene
     }
 
     fn unknown(&mut self, at: &Span, error: LibraryError) {
@@ -123,7 +135,7 @@ impl Resolver<'_> {
                 scale: 1.0,
             },
             // rejected when the file was checked
-            SpectrumSource::Lines(_) => Curve::Constant(0.0),
+            SpectrumSource::Lines(_) | SpectrumSource::Texture(_) => Curve::Constant(0.0),
         };
         match (curve, plan.scale) {
             (Curve::Constant(value), scale) => Curve::Constant(value * scale),
@@ -257,57 +269,170 @@ impl Resolver<'_> {
         }
     }
 
-    fn material(&mut self, lobes: &[(f64, LobePlan)]) -> Material {
-        Material {
-            lobes: lobes
-                .iter()
-                .map(|(weight, lobe)| ((*weight).into(), self.lobe(lobe)))
-                .collect(),
-            ..Material::default()
+    fn material(&mut self, plan: &MaterialPlan) -> Material {
+        let mut material = Material::default();
+        for (weight, lobe) in &plan.lobes {
+            let weight = self.scalar(weight);
+            let lobe = self.lobe(lobe);
+            if let LobeSpec::CoatedDiffuse { coat, .. } = &lobe.0 {
+                let layer = LobeSpec::Coat {
+                    index: coat.index,
+                    alpha: lobe.1,
+                    tint: Curve::Constant(1.0).into(),
+                };
+                material.lobes.push((weight.clone(), layer));
+            }
+            material.lobes.push((weight, lobe.0));
+        }
+        if let Some((texture, scale)) = &plan.normal {
+            material.normal = self.texture(texture).map(|texture| NormalMap {
+                texture,
+                scale: *scale,
+            });
+        }
+        if let Some((alpha, cutoff)) = &plan.coverage {
+            material.coverage = Some(Coverage {
+                alpha: self.scalar(alpha),
+                cutoff: *cutoff,
+            });
+        }
+        material
+    }
+
+    /// The image of a file, decoded once for each encoding.
+    fn image(&mut self, plan: &TexturePlan) -> Option<Arc<Image>> {
+        let pyramid = matches!(plan.filter, Filter::Mipmap { .. });
+        let key = (plan.path.clone(), plan.srgb, pyramid);
+        if let Some(image) = self.images.get(&key) {
+            return image.clone();
+        }
+        let read = std::fs::read(&plan.path)
+            .map_err(|e| e.to_string())
+            .and_then(|bytes| image_file::decode(&bytes, plan.srgb));
+        let image = match read {
+            Ok(image) if pyramid => Some(Arc::new(image.with_pyramid())),
+            Ok(image) => Some(Arc::new(image)),
+            Err(message) => {
+                self.bad_file(&plan.at, &plan.name, message);
+                None
+            }
+        };
+        self.images.insert(key, image.clone());
+        image
+    }
+
+    fn texture(&mut self, plan: &TexturePlan) -> Option<ImageTexture> {
+        Some(ImageTexture {
+            image: self.image(plan)?,
+            map: plan.map,
+            wrap: [plan.wrap; 2],
+            filter: plan.filter,
+        })
+    }
+
+    fn scalar(&mut self, plan: &ScalarPlan) -> ScalarTexture {
+        match plan {
+            ScalarPlan::Constant(value) => (*value).into(),
+            ScalarPlan::Image {
+                texture,
+                channel,
+                factor,
+            } => match self.texture(texture) {
+                None => (*factor).into(),
+                Some(texture) => ScalarTexture::Image {
+                    texture,
+                    channel: *channel,
+                }
+                .times(*factor),
+            },
         }
     }
 
-    fn lobe(&mut self, plan: &LobePlan) -> LobeSpec {
-        match plan {
+    /// A spectrum of a surface that may not exceed 1.
+    fn surface(&mut self, plan: &SpectrumPlan) -> SpectrumTexture {
+        let SpectrumSource::Texture(texture) = &plan.source else {
+            return self.reflectance(plan).into();
+        };
+        match self.texture(texture) {
+            None => Curve::Constant(0.0).into(),
+            Some(texture) => SpectrumTexture::Image {
+                texture,
+                factor: [plan.scale as f32; 3],
+            },
+        }
+    }
+
+    fn bad_file(&mut self, at: &Span, name: &str, message: String) {
+        self.error(
+            at,
+            Problem::BadFile {
+                path: name.to_owned(),
+                message,
+            },
+        );
+    }
+
+    /// A lobe; the roughness of a coat belongs to the layer, which the caller makes.
+    fn lobe(&mut self, plan: &LobePlan) -> (LobeSpec, [ScalarTexture; 2]) {
+        let mut layer = [0.0.into(), 0.0.into()];
+        let lobe = match plan {
             LobePlan::Diffuse { reflectance } => LobeSpec::Diffuse {
-                reflectance: self.reflectance(reflectance).into(),
+                reflectance: self.surface(reflectance),
             },
             LobePlan::Mirror { reflectance } => LobeSpec::Mirror {
-                reflectance: self.reflectance(reflectance).into(),
+                reflectance: self.surface(reflectance),
             },
             LobePlan::Conductor { ior, alpha, tint } => LobeSpec::Conductor {
                 ior: self.ior(ior, true),
-                alpha: alpha.map(Into::into),
-                tint: self.reflectance(tint).into(),
+                alpha: self.alpha(alpha),
+                tint: self.surface(tint),
             },
+            LobePlan::ColoredMetal { color, alpha } => LobeSpec::ColoredMetal {
+                color: self.surface(color),
+                alpha: self.alpha(alpha),
+            },
+            LobePlan::Coated {
+                reflectance,
+                index,
+                alpha,
+            } => {
+                layer = self.alpha(alpha);
+                LobeSpec::CoatedDiffuse {
+                    reflectance: self.surface(reflectance),
+                    coat: Coat::new(*index, 1.0),
+                    strength: 1.0.into(),
+                }
+            }
             LobePlan::Dielectric {
                 alpha,
                 reflect_tint,
                 transmit_tint,
             } => LobeSpec::Dielectric {
-                alpha: alpha.map(Into::into),
-                reflect_tint: self.reflectance(reflect_tint).into(),
-                transmit_tint: self.reflectance(transmit_tint).into(),
+                alpha: self.alpha(alpha),
+                reflect_tint: self.surface(reflect_tint),
+                transmit_tint: self.surface(transmit_tint),
             },
             LobePlan::Thin { ior, transmit_tint } => LobeSpec::Thin {
                 ior: self.ior(ior, false),
-                transmit_tint: self.reflectance(transmit_tint).into(),
+                transmit_tint: self.surface(transmit_tint),
             },
-        }
+        };
+        (lobe, layer)
+    }
+
+    fn alpha(&mut self, plan: &[ScalarPlan; 2]) -> [ScalarTexture; 2] {
+        [self.scalar(&plan[0]), self.scalar(&plan[1])]
     }
 
     fn mesh(&mut self, plan: &MeshPlan) -> Option<Arc<Mesh>> {
-        match obj::load(&plan.path) {
+        let read = match plan.kind {
+            ModelKind::Ply => ply::load(&plan.path),
+            _ => obj::load(&plan.path).map_err(|e| e.to_string()),
+        };
+        match read {
             Ok(mesh) => Some(Arc::new(mesh)),
-            Err(error) => {
-                let message = error.to_string();
-                self.error(
-                    &plan.at,
-                    Problem::BadFile {
-                        path: plan.name.clone(),
-                        message,
-                    },
-                );
+            Err(message) => {
+                self.bad_file(&plan.at, &plan.name, message);
                 None
             }
         }
@@ -334,14 +459,24 @@ impl Resolver<'_> {
                            through it in opposite directions)";
             self.error(at, Problem::Conflict(message.to_owned()));
         }
-        let emission = plan
-            .emission
-            .as_ref()
-            .map(|(spectrum, two_sided)| AreaEmission {
-                radiance: self.emission(spectrum),
-                pattern: None,
+        let emission = plan.emission.as_ref().map(|(spectrum, two_sided)| {
+            let (radiance, pattern) = match &spectrum.source {
+                SpectrumSource::Texture(texture) => {
+                    let white = Emission::from_rgb([spectrum.scale; 3]);
+                    let pattern = self.texture(texture).map(|texture| SpectrumTexture::Image {
+                        texture,
+                        factor: [1.0; 3],
+                    });
+                    (white, pattern)
+                }
+                _ => (self.emission(spectrum), None),
+            };
+            AreaEmission {
+                radiance,
+                pattern,
                 two_sided: *two_sided,
-            });
+            }
+        });
         Some(ObjectDescription {
             name: plan.name.clone(),
             shape,
@@ -350,6 +485,80 @@ impl Resolver<'_> {
             boundary: plan.boundary,
             emission,
         })
+    }
+
+    fn environment(&mut self, radiance: Emission, plan: &ImagePlan) -> Light {
+        let Some(path) = &plan.path else {
+            return model::studio(radiance, plan.to_world);
+        };
+        let texture = TexturePlan {
+            path: path.clone(),
+            name: plan.name.clone(),
+            at: plan.at.clone(),
+            srgb: true,
+            map: DAffine2::IDENTITY,
+            wrap: Wrap::Repeat,
+            filter: Filter::Bilinear,
+        };
+        let image = self.image(&texture).and_then(|image| {
+            let environment = EnvironmentImage::new(image, plan.to_world);
+            if environment.is_none() {
+                self.bad_file(&plan.at, &plan.name, "the image is black".to_owned());
+            }
+            environment.map(Arc::new)
+        });
+        Light::Environment(EnvironmentLight { radiance, image })
+    }
+
+    /// Adds the models, then what a scene with models but without cameras or lights needs.
+    fn models(&mut self, plan: &Plan, scene: &mut SceneDescription) {
+        let mut cameras = Vec::new();
+        for m in &plan.models {
+            let mut read = match model::load(&m.path, m.kind, m.to_world) {
+                Ok(read) => read,
+                Err(message) => {
+                    self.bad_file(&m.at, &m.name, message);
+                    continue;
+                }
+            };
+            if !m.lights {
+                read.lights.clear();
+            }
+            let notes = std::mem::take(&mut read.notes);
+            self.notes
+                .extend(notes.into_iter().map(|n| format!("{}: {n}", m.name)));
+            scene.hash = combine(scene.hash, read.hash);
+            let [width, height] = m.resolution;
+            let resolution = Resolution { width, height };
+            cameras.extend(read.cameras.iter().map(|c| c.sensor(resolution)));
+            read.add_to(scene);
+        }
+        let Some(first) = plan.models.first().filter(|_| self.errors.is_empty()) else {
+            return;
+        };
+        let [width, height] = first.resolution;
+        if scene.sensors.is_empty() {
+            if cameras.is_empty() {
+                self.notes
+                    .push("no camera: one that sees all of the model is used".to_owned());
+                let camera = model::standard_camera(&scene.objects);
+                cameras.push(camera.sensor(Resolution { width, height }));
+            }
+            model::name_sensors(&mut cameras);
+            scene.sensors = cameras;
+        }
+        if scene.lights.is_empty() && scene.objects.iter().all(|o| o.emission.is_none()) {
+            self.notes
+                .push("no light: a studio of built-in lamps is used".to_owned());
+            let level = match plan.units {
+                OutputUnits::Radiance => 1.0,
+                OutputUnits::Photometric => gltf::PER_NIT,
+            };
+            scene.lights.push(LightDescription {
+                name: "studio".to_owned(),
+                light: model::studio(Emission::from_rgb([level; 3]), DMat3::IDENTITY),
+            });
+        }
     }
 
     fn light(&mut self, plan: &LightPlan) -> LightDescription {
@@ -388,9 +597,16 @@ impl Resolver<'_> {
                 self.emission(irradiance),
                 *radius_m,
             )),
-            LightKind::Environment { radiance } => Light::Environment(EnvironmentLight::uniform(
-                self.emission(radiance),
-            )),
+            LightKind::Environment { radiance, image } => {
+                let radiance = match radiance {
+                    Some(radiance) => self.emission(radiance),
+                    None => Emission::from_rgb([1.0; 3]),
+                };
+                match image {
+                    None => Light::Environment(EnvironmentLight::uniform(radiance)),
+                    Some(image) => self.environment(radiance, image),
+                }
+            }
         };
         LightDescription {
             name: plan.name.clone(),
@@ -464,13 +680,13 @@ fn sensor(plan: &SensorPlan) -> SensorDescription {
     };
     let filter = match (plan.filter, plan.filter_radius, &camera) {
         (None | Some(FilterName::Box), _, Camera::Detector(_)) | (Some(FilterName::Box), _, _) => {
-            Filter::Box
+            FilmFilter::Box
         }
-        (Some(FilterName::Tent), radius, _) => Filter::Tent {
+        (Some(FilterName::Tent), radius, _) => FilmFilter::Tent {
             radius: radius.unwrap_or(1.0),
         },
-        (_, None, _) => Filter::default(),
-        (_, Some(radius), _) => Filter::Gaussian {
+        (_, None, _) => FilmFilter::default(),
+        (_, Some(radius), _) => FilmFilter::Gaussian {
             sigma: radius / 3.0,
             radius,
         },

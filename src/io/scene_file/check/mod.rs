@@ -5,11 +5,12 @@ mod optics;
 mod render;
 mod sensor;
 mod spectrum;
+mod texture;
 
 use super::document::Source;
 use super::error::{Problem, SceneFileError};
 use super::files;
-use super::plan::{IorPlan, MediumPlan, MeshPlan, Plan, Span, SpectrumPlan};
+use super::plan::{IorPlan, MaterialPlan, MediumPlan, MeshPlan, Plan, Span, SpectrumPlan};
 use super::schema::{At, Named, SceneFile};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -103,8 +104,9 @@ impl Checker<'_> {
         let media = self.media(file.ambient.as_ref(), &file.medium);
         let medium_ids: Vec<&str> = media.iter().map(|m| m.name.as_str()).collect();
         let mut materials: Vec<_> = file.material.values().map(|m| self.material(m)).collect();
-        materials.push(Vec::new());
+        materials.push(MaterialPlan::default());
         let mesh_ids = self.named_meshes(&file.mesh);
+        let models: Vec<_> = file.model.iter().filter_map(|m| self.model(m)).collect();
         let objects = self.objects(
             &file.object,
             &file.material,
@@ -118,11 +120,17 @@ impl Checker<'_> {
             .enumerate()
             .filter_map(|(i, l)| self.light(i, l))
             .collect();
-        let sensors = self.sensors(&file.sensor, &file.render);
+        // a scene with models takes their cameras, or one that sees them
+        let sensors = if file.sensor.is_empty() && !file.model.is_empty() {
+            Vec::new()
+        } else {
+            self.sensors(&file.sensor, &file.render)
+        };
         Plan {
             media,
             materials,
             meshes: std::mem::take(&mut self.meshes),
+            models,
             objects,
             lights,
             sensors,
