@@ -41,6 +41,7 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
             let mut ray = Ray::leaving(start.xk.p, start.direction, 0.0, start.xk.surface);
             let visible =
                 |id: crate::geometry::InstanceId| scene.objects[id.0 as usize].sensor.is_none();
+            let mut passed = 0.0;
             let (hit, point) = loop {
                 let Some(hit) = scene.accel.closest(&ray, visible) else {
                     return Guide::default();
@@ -52,6 +53,7 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                 {
                     break (hit, scene.shading_point(point, 0.0));
                 }
+                passed += hit.t;
                 ray = Ray::leaving(point.p, ray.d, 0.0, Some(point.id));
             };
             let material =
@@ -75,7 +77,7 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                 }
             }
             Guide {
-                depth: start.xk.p.distance(point.p),
+                depth: passed + hit.t,
                 normal: point.ns,
                 albedo,
             }
