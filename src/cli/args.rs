@@ -74,6 +74,19 @@ pub enum HeuristicName {
     Power2,
 }
 
+/// Names of the modes of regularization.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum RegularizeName {
+    /// As mis for image cameras in scenes with mirrors or smooth glass, else off
+    Auto,
+    /// Never
+    Off,
+    /// Only for paths that nothing else makes, by one strategy
+    Single,
+    /// By every strategy, weighted with all others
+    Mis,
+}
+
 /// Names of filters.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum FilterName {
@@ -98,6 +111,12 @@ pub enum Aov {
     Normal,
     /// Reflectance of the first hit.
     Albedo,
+    /// Contributions joined at specular vertices.
+    Regularized,
+    /// All other contributions.
+    Unbiased,
+    /// Difference of the halves of a render with `bias_estimate`, as a bias.
+    Bias,
     /// Paths of one class.
     Class(Regex),
 }
@@ -146,6 +165,12 @@ pub struct RenderOptions {
     /// Weighting of strategies
     #[arg(long, value_enum, value_name = "NAME")]
     pub heuristic: Option<HeuristicName>,
+    /// Whether mirrors and smooth glass are connectible within a small cone
+    #[arg(long, value_enum, value_name = "MODE")]
+    pub regularize: Option<RegularizeName>,
+    /// Half-aperture of that cone in the first pass in radians, or auto
+    #[arg(long, value_name = "RAD", value_parser = epsilon)]
+    pub epsilon: Option<String>,
     /// Scattering vertices of the whole path, at most
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16))]
     pub max_depth: Option<u16>,
@@ -169,7 +194,7 @@ pub struct RenderOptions {
     /// Writes no PNG preview
     #[arg(long)]
     pub no_preview: bool,
-    /// Extra layers: error, strategies, depth, normal, albedo, class:REGEX (such as class:^LS+DE$), separated by commas
+    /// Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo, class:REGEX (such as class:^LS+DE$), separated by commas
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov)]
     pub aov: Vec<Aov>,
     /// Also writes NAME.spectral.exr, with BINS channels over the range of wavelengths and one for each emission line
@@ -288,6 +313,11 @@ impl RenderOptions {
                 "heuristic",
                 named(self.heuristic.and_then(|v| v.to_possible_value())),
             ),
+            (
+                "regularize",
+                named(self.regularize.and_then(|v| v.to_possible_value())),
+            ),
+            ("epsilon", self.epsilon.clone()),
             ("max_depth", self.max_depth.map(|v| v.to_string())),
             (
                 "filter",
@@ -346,6 +376,16 @@ fn positive(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a number above 0".to_owned())
 }
 
+/// The value of `render.epsilon` that says the same.
+fn epsilon(text: &str) -> Result<String, String> {
+    if text == "auto" {
+        return Ok(text.to_owned());
+    }
+    positive(text)
+        .map(|v| format!("{v:?}"))
+        .map_err(|_| "expected an angle in radians above 0, or auto".to_owned())
+}
+
 /// A number of bytes with an optional suffix K, M, G or T (powers of 1024).
 fn size(text: &str) -> Result<u64, String> {
     let digits = text.trim_end_matches(['K', 'M', 'G', 'T']);
@@ -391,10 +431,13 @@ fn aov(text: &str) -> Result<Aov, String> {
         "depth" => Aov::Depth,
         "normal" => Aov::Normal,
         "albedo" => Aov::Albedo,
+        "regularized" => Aov::Regularized,
+        "unbiased" => Aov::Unbiased,
+        "bias" => Aov::Bias,
         _ => {
             let expression = text
                 .strip_prefix("class:")
-                .ok_or("expected error, strategies, depth, normal, albedo or class:REGEX")?;
+                .ok_or("expected error, strategies, regularized, unbiased, bias, depth, normal, albedo or class:REGEX")?;
             let wrong = |e: regex::Error| {
                 e.to_string()
                     .lines()

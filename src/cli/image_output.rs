@@ -11,6 +11,7 @@ use crate::io::exr::{
 use crate::io::part::{Part, PartHeader};
 use crate::io::{exr, part, png};
 use crate::render::Render;
+use crate::render::bias::bias_image;
 use crate::render::guides::{Guide, guides};
 use crate::scene::Scene;
 use crate::spectrum::xyz::xyz_to_linear_srgb;
@@ -161,6 +162,23 @@ pub fn add_layers(image: &mut ExrImage, aov: &[Aov], render: &Render, guides: &[
                 for ((s, t), film) in films.read().unwrap_or_else(PoisonError::into_inner).iter() {
                     channels.extend(layer_channels(&format!("s{s}t{t}"), film, passes));
                 }
+            }
+            Aov::Unbiased | Aov::Regularized => {
+                let Some([unbiased, regularized]) = &render.outputs().shares else {
+                    continue;
+                };
+                channels.extend(if matches!(layer, Aov::Unbiased) {
+                    layer_channels("unbiased", unbiased, passes)
+                } else {
+                    layer_channels("regularized", regularized, passes)
+                });
+            }
+            Aov::Bias => {
+                let [even, odd] = render.pass_counts();
+                // unknown while one half has no passes
+                let bias = bias_image(&render.outputs().image, even, odd)
+                    .unwrap_or_else(|| vec![f64::INFINITY; render.crop().pixels() as usize]);
+                channels.push(channel("bias.Y", bias.iter().copied()));
             }
             Aov::Depth => channels.push(channel("depth.Z", guides.iter().map(|g| g.depth))),
             Aov::Normal => {

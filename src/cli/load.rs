@@ -4,8 +4,9 @@ use super::CliError;
 use crate::film::Filter;
 use crate::io::scene_file::document::hash_bytes;
 use crate::io::scene_file::{self, OutputUnits};
+use crate::render::EpsilonChoice;
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
-use crate::scene::settings::{Heuristic, IntegratorKind};
+use crate::scene::settings::{Heuristic, IntegratorKind, Regularize};
 use crate::scene::{Scene, Settings};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -90,6 +91,12 @@ impl Loaded {
             Heuristic::Balance => "balance",
             Heuristic::Power2 => "power2",
         };
+        let regularize = match settings.regularization.mode {
+            Regularize::Auto => "auto",
+            Regularize::Off => "off",
+            Regularize::Single => "single",
+            Regularize::Mis => "mis",
+        };
         let max_depth = settings
             .max_depth
             .map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
@@ -99,12 +106,35 @@ impl Loaded {
                 integrator_name(settings.integrator).to_owned(),
             ),
             ("heuristic", heuristic.to_owned()),
+            ("regularize", regularize.to_owned()),
             ("lanes", settings.lanes.to_string()),
             ("maxDepth", max_depth),
             ("filter", filter_name(&self.scene.sensors[sensor].filter)),
             ("wavelengths", wavelengths_name(&self.wavelengths)),
             ("observer", "CIE 1931 2 degree".to_owned()),
             ("unit", unit.to_owned()),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .into()
+    }
+
+    /// What the image says of the cones it was made with.
+    #[must_use]
+    pub fn epsilon_attributes(&self, epsilon: &EpsilonChoice) -> BTreeMap<String, String> {
+        let settings = &self.settings.regularization;
+        let odd = if settings.bias_estimate {
+            ", of odd passes the one before's over sqrt 2"
+        } else {
+            ""
+        };
+        let schedule = format!(
+            "max({}, {} (pass + 1)^(-1/6)) rad{odd}",
+            settings.epsilon_min, epsilon.epsilon
+        );
+        [
+            ("epsilonFirst", epsilon.epsilon.to_string()),
+            ("epsilonReason", epsilon.reason.clone()),
+            ("epsilonSchedule", schedule),
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into()

@@ -18,7 +18,7 @@ use crate::io::scene_file::OutputUnits;
 use crate::render::guides::Guide;
 use crate::render::stop::{StopReason, StopRules};
 use crate::render::{OutputRequest, Render};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -61,6 +61,13 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         .map(|&s| crop(options, &loaded, s))
         .collect::<Result<Vec<_>, _>>()?;
     let request = output_request(options, &loaded);
+    if options.aov.iter().any(|a| matches!(a, Aov::Bias))
+        && !loaded.settings.regularization.bias_estimate
+    {
+        return Err(CliError::Usage(
+            "the layer bias needs --set render.bias_estimate=true".to_owned(),
+        ));
+    }
     check_memory(options, &loaded, &request, &crops)?;
     // from here on: the first output says that an interrupt is safe
     let interrupt = Interrupt::listen()?;
@@ -221,6 +228,10 @@ fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
         spectral,
         strategies: options.aov.iter().any(|a| matches!(a, Aov::Strategies)),
         classes: options.aov.iter().filter_map(class).collect(),
+        shares: options
+            .aov
+            .iter()
+            .any(|a| matches!(a, Aov::Unbiased | Aov::Regularized)),
         class_table: options.stats.is_some(),
     }
 }
@@ -234,7 +245,8 @@ fn check_memory(
     let Some(limit) = options.max_memory else {
         return Ok(());
     };
-    let channels = 3 * (1 + request.classes.len())
+    let shares = if request.shares { 2 } else { 0 };
+    let channels = 3 * (1 + request.classes.len() + shares)
         + request
             .spectral
             .as_ref()
@@ -290,6 +302,9 @@ impl Job<'_> {
         let mut render = Render::new(&loaded.scene, sensor, &loaded.settings, crop, &self.request);
         if options.resume {
             self.resume(sensor, &mut render)?;
+        }
+        if !options.quiet {
+            print(&summary::regularization(&render));
         }
         let guides = guides_for(&options.aov, &loaded.scene, sensor, &render);
         let done: BTreeSet<u32> = render.passes().iter().copied().collect();
@@ -410,9 +425,18 @@ impl Job<'_> {
             height: size.height,
             crop: [crop.x0, crop.y0, crop.x1, crop.y1],
             channels: self.request.response.channels() as u32,
-            image: self.loaded.image_attributes(sensor),
+            image: self.image_attributes(sensor, render),
             passes: pass_ranges(render.passes(), self.loaded.settings.seed),
         }
+    }
+
+    /// What the image says of how it was made.
+    fn image_attributes(&self, sensor: usize, render: &Render) -> BTreeMap<String, String> {
+        let mut attributes = self.loaded.image_attributes(sensor);
+        if let Some(epsilon) = render.epsilon() {
+            attributes.extend(self.loaded.epsilon_attributes(epsilon));
+        }
+        attributes
     }
 
     fn save(

@@ -6,12 +6,49 @@ use super::load::{Loaded, integrator_name};
 use super::usage::{cpu_seconds, peak_memory_bytes};
 use crate::io::atomic::write_atomic;
 use crate::render::Render;
+use crate::render::bias::BiasEstimate;
 use crate::render::stop::StopReason;
+use crate::scene::effects::Effect;
 use crate::transport::Counters;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
+
+/// The cones of a regularized render.
+#[derive(Clone, Copy, Debug)]
+pub struct EpsilonStats {
+    /// Half-aperture of the first pass done, in radians.
+    pub first: f64,
+    /// Of the last.
+    pub last: f64,
+    /// Mean of ε² over the passes.
+    pub mean_square: f64,
+    /// Estimated bias, where the render tells it.
+    pub bias: Option<BiasEstimate>,
+}
+
+impl EpsilonStats {
+    fn new(render: &Render) -> Option<Self> {
+        let passes = render.passes();
+        Some(Self {
+            first: render.epsilon_of_pass(*passes.iter().min()?)?,
+            last: render.epsilon_of_pass(*passes.iter().max()?)?,
+            mean_square: render.mean_epsilon_squared()?,
+            bias: render.bias(),
+        })
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "first": self.first,
+            "last": self.last,
+            "mean_square": self.mean_square,
+            "relative_bias": self.bias.map(|b| b.relative),
+            "relative_bias_noise": self.bias.map(|b| b.noise),
+        })
+    }
+}
 
 /// Numbers of one sensor's render.
 #[derive(Debug)]
@@ -36,6 +73,9 @@ pub struct SensorStats {
     pub saturated: u64,
     /// Estimated relative error.
     pub relative_error: Option<f64>,
+    /// Its cones, if it was regularized.
+    pub epsilon: Option<EpsilonStats>,
+    regularization: Value,
     table: Vec<Value>,
 }
 
@@ -75,6 +115,8 @@ impl SensorStats {
             non_finite: counters.non_finite + rejected.not_finite,
             saturated: rejected.saturated,
             relative_error: render.relative_error(),
+            epsilon: EpsilonStats::new(render),
+            regularization: effect_json(&render.regularization().effect()),
             table: rows.collect(),
             counters,
         }
@@ -108,16 +150,21 @@ impl SensorStats {
             "medium_mismatches": c.medium_mismatches,
             "nesting_overflows": c.nesting_overflows,
             "relative_error": self.relative_error,
+            "regularization": self.regularization,
+            "epsilon": self.epsilon.as_ref().map(EpsilonStats::json),
             "classes": self.table,
         })
     }
 }
 
+fn effect_json(effect: &Effect) -> Value {
+    json!({ "name": effect.name, "on": effect.on, "reason": effect.reason })
+}
+
 /// Effects and their reasons.
 #[must_use]
 pub fn effects_json(loaded: &Loaded) -> Value {
-    let row = |e: &crate::scene::effects::Effect| json!({ "name": e.name, "on": e.on, "reason": e.reason });
-    loaded.scene.effects.iter().map(row).collect()
+    loaded.scene.effects.iter().map(effect_json).collect()
 }
 
 /// Writes the statistics of a run.

@@ -1,6 +1,7 @@
 //! What a render says of itself: effects before, a closing summary after.
 
 use super::stats::SensorStats;
+use crate::render::Render;
 use crate::scene::effects::Effect;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -10,13 +11,29 @@ use std::path::Path;
 pub fn effects(effects: &[Effect]) -> String {
     let line = |e: &Effect| {
         format!(
-            "  {:<13} {:<4} {}\n",
+            "  {:<14} {:<4} {}\n",
             e.name,
             if e.on { "on" } else { "off" },
             e.reason
         )
     };
     format!("effects\n{}", effects.iter().map(line).collect::<String>())
+}
+
+/// Whether and with which cones a render is regularized.
+#[must_use]
+pub fn regularization(render: &Render) -> String {
+    let mut text = effects(&[render.regularization().effect()])
+        .trim_start_matches("effects\n")
+        .to_owned();
+    if let Some(choice) = render.epsilon() {
+        _ = writeln!(
+            text,
+            "  {:<14} {:<4} {:.5} rad in pass 0: {}",
+            "epsilon", "", choice.epsilon, choice.reason
+        );
+    }
+    text
 }
 
 /// The closing summary of one sensor; `preview` is its file and exposure.
@@ -50,6 +67,21 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
         .relative_error
         .map_or_else(|| "unknown".to_owned(), |e| format!("{:.2} %", 100.0 * e));
     _ = writeln!(text, "  error     {error} (estimated, relative)");
+    if let Some(epsilon) = &stats.epsilon {
+        _ = writeln!(
+            text,
+            "  epsilon   {:.5} to {:.5} rad, mean square {:.3e}",
+            epsilon.first, epsilon.last, epsilon.mean_square
+        );
+        if let Some(bias) = epsilon.bias {
+            _ = writeln!(
+                text,
+                "  bias      {:.2} % (of regions of 16 x 16 pixels, relative to the mean; noise {:.2} %)",
+                100.0 * bias.relative,
+                100.0 * bias.noise
+            );
+        }
+    }
     let trouble = [
         (
             stats.non_finite,

@@ -8,6 +8,7 @@ use crate::film::{Crop, SensorResponse};
 use crate::geometry::{EndPoint, Ray};
 use crate::medium::MediumLanes;
 use crate::sampler::{Sampler, Stream};
+use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::IntegratorKind;
 use crate::scene::{Scene, Settings};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
@@ -30,7 +31,9 @@ pub struct Frame<'a> {
     /// Render settings.
     pub settings: &'a Settings,
     /// Executed strategies.
-    pub techniques: Techniques,
+    pub techniques: Techniques<'a>,
+    /// Whether passes come with a cone.
+    pub regularization: Decision,
     /// Also compute raw values (for tables of strategies).
     pub with_raw: bool,
 }
@@ -48,13 +51,19 @@ impl<'a> Frame<'a> {
         let camera = &scene.sensors[sensor].camera;
         let resolution = camera.resolution();
         let film = f64::from(resolution.width) * f64::from(resolution.height);
-        let techniques =
+        let mut techniques =
             Techniques::new(settings, crop.pixels() as f64 / film, camera.is_hittable());
+        let decision = decide(scene, sensor, settings);
+        if let Some(Mode::Single(rule)) = decision.mode {
+            techniques.single = Some(rule);
+        }
+        techniques.bias_weight = settings.regularization.bias_weight;
         Self {
             scene,
             sensor,
             settings,
             techniques,
+            regularization: decision,
             with_raw,
         }
     }
@@ -71,6 +80,14 @@ pub struct Workspace {
     pub contributions: Vec<Contribution>,
     /// Counts of this thread.
     pub counters: Counters,
+}
+
+impl Workspace {
+    /// The last sample's camera sub-path.
+    #[must_use]
+    pub fn camera_subpath(&self) -> &Subpath {
+        &self.camera
+    }
 }
 
 /// Computes one sample of pixel (x, y) into the workspace. Returns its wavelengths' context-free part: the contributions are in
@@ -179,10 +196,15 @@ pub fn sample_pixel(
     }
 
     let margin = sensor.filter.margin();
+    let techniques = Techniques {
+        cone: pass.cone,
+        ..frame.techniques
+    };
     let mut joiner = Joiner {
         context: &context,
-        techniques: &frame.techniques,
+        techniques: &techniques,
         max_depth,
+        hide_points: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: frame.with_raw,
         numbers: sampler.stream(Stream::Connect),
         counters,

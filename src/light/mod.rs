@@ -150,6 +150,20 @@ impl Light {
         }
     }
 
+    /// Roughly the angular radius in radians under which the light is seen from `p`; 0 for lights without extent and for the
+    /// environment.
+    #[must_use]
+    pub fn angular_radius(&self, context: &LightContext, p: DVec3) -> f64 {
+        let Self::Area(light) = self else { return 0.0 };
+        let instance = &context.accel.instances()[light.instance.0 as usize];
+        let center = instance
+            .sample_area(light.instance, context.time, 0.5, DVec2::splat(0.5))
+            .point
+            .p;
+        let radius = (instance.area(context.time) / std::f64::consts::PI).sqrt();
+        radius.atan2(center.distance(p))
+    }
+
     /// Starts a light sub-path. `u_face` picks a face or triangle, `u_pos` the position, `u_dir` the direction. `None` where
     /// nothing leaves (zero density).
     #[must_use]

@@ -1,18 +1,23 @@
 //! Rendering: passes over tiles on all threads, stop rules, and what is kept of the contributions.
 
+pub mod bias;
+pub mod epsilon;
 pub mod guides;
 pub mod outputs;
 pub mod pilot;
 pub mod stop;
 pub mod table;
 
+pub use epsilon::EpsilonChoice;
 pub use outputs::{OutputRequest, Outputs};
 pub use table::ClassTable;
 
 use crate::film::{AddSumsError, Crop};
 use crate::integrator::{Frame, Workspace, sample_pixel};
+use crate::scene::regularization::Decision;
 use crate::scene::{Scene, Settings};
-use crate::transport::{Counters, PassSettings, Target};
+use crate::transport::regularize::scheduled_epsilon;
+use crate::transport::{Cone, Counters, PassSettings, Target};
 use rayon::prelude::*;
 
 /// Side of a tile in pixels.
@@ -24,6 +29,8 @@ pub struct Render<'a> {
     frame: Frame<'a>,
     crop: Crop,
     outputs: Outputs,
+    /// ε₁ of regularized renders.
+    epsilon: Option<EpsilonChoice>,
     /// Roulette threshold of this seed and scene, from the pilot.
     roulette_threshold: f64,
     /// Global indices of the passes done.
@@ -52,11 +59,17 @@ impl<'a> Render<'a> {
     ) -> Self {
         let frame = Frame::new(scene, sensor, settings, &crop, request.class_table);
         let outputs = Outputs::new(request, crop, scene.sensors[sensor].filter);
-        let roulette_threshold = pilot::roulette_threshold(&frame, &outputs.response);
+        let epsilon = frame
+            .regularization
+            .mode
+            .map(|_| epsilon::choose(&frame, &outputs.response));
+        let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
+        let roulette_threshold = pilot::roulette_threshold(&frame, cone, &outputs.response);
         Self {
             frame,
             crop,
             outputs,
+            epsilon,
             roulette_threshold,
             passes: Vec::new(),
             counters: Counters::default(),
@@ -69,9 +82,50 @@ impl<'a> Render<'a> {
     pub fn pass_settings(&self, index: u32) -> PassSettings {
         PassSettings {
             index,
+            cone: self.epsilon_of_pass(index).map(Cone::new),
             roulette_threshold: self.roulette_threshold,
             ..PassSettings::default()
         }
+    }
+
+    /// Half-aperture of pass `index` in radians, `None` without regularization. The schedule is a function of the global index; to
+    /// tell the bias, an odd pass uses the even one's before it over √2.
+    #[must_use]
+    pub fn epsilon_of_pass(&self, index: u32) -> Option<f64> {
+        let first = self.epsilon.as_ref()?.epsilon;
+        let settings = &self.frame.settings.regularization;
+        let scheduled = |i| scheduled_epsilon(first, settings.epsilon_min, i);
+        Some(if !settings.bias_estimate {
+            scheduled(index)
+        } else if index & 1 == 0 {
+            scheduled(index)
+        } else {
+            scheduled(index - 1) * std::f64::consts::FRAC_1_SQRT_2
+        })
+    }
+
+    /// Whether specular vertices are connectible, and why.
+    #[must_use]
+    pub fn regularization(&self) -> &Decision {
+        &self.frame.regularization
+    }
+
+    /// ε₁ and its reason, where there is one.
+    #[must_use]
+    pub fn epsilon(&self) -> Option<&EpsilonChoice> {
+        self.epsilon.as_ref()
+    }
+
+    /// Mean of ε² over the passes done, in steradians: the bias of the image is in proportion to it.
+    #[must_use]
+    pub fn mean_epsilon_squared(&self) -> Option<f64> {
+        let squares: Option<Vec<f64>> = self
+            .passes
+            .iter()
+            .map(|&p| Some(self.epsilon_of_pass(p)?.powi(2)))
+            .collect();
+        let squares = squares?;
+        Some(squares.iter().sum::<f64>() / squares.len().max(1) as f64)
     }
 
     /// Adds pass `index`: one sample per pixel.
@@ -144,6 +198,16 @@ impl<'a> Render<'a> {
     #[must_use]
     pub fn table(&self) -> &ClassTable {
         &self.table
+    }
+
+    /// Estimated bias of regularization, where the passes alternate between two cones.
+    #[must_use]
+    pub fn bias(&self) -> Option<bias::BiasEstimate> {
+        self.epsilon
+            .as_ref()
+            .filter(|_| self.frame.settings.regularization.bias_estimate)?;
+        let [even, odd] = self.pass_counts();
+        bias::bias_estimate(&self.outputs.image, even, odd)
     }
 
     /// Estimated relative error of the image: root mean square of the standard error of Y over the mean of Y, from the two

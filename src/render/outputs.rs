@@ -1,4 +1,4 @@
-//! Which images are kept besides XYZ: spectral bins, one image per strategy, one per path class.
+//! Which images are kept besides XYZ: spectral bins, one image per strategy, one per path class, the share of regularized strategies.
 
 use crate::film::{Crop, Film, Filter, SensorResponse};
 use crate::spectrum::SampledWavelengths;
@@ -18,6 +18,8 @@ pub struct OutputRequest {
     pub strategies: bool,
     /// Keep one image per class expression, matched against the whole label string (`LSDE`).
     pub classes: Vec<Regex>,
+    /// Keep the image of strategies that join at specular vertices, and the rest.
+    pub shares: bool,
     /// Keep the table of classes and strategies.
     pub class_table: bool,
 }
@@ -29,6 +31,7 @@ impl Default for OutputRequest {
             spectral: None,
             strategies: false,
             classes: Vec::new(),
+            shares: false,
             class_table: false,
         }
     }
@@ -47,6 +50,8 @@ pub struct Outputs {
     pub strategies: Option<RwLock<BTreeMap<(u32, u32), Film>>>,
     /// XYZ per class expression.
     pub classes: Vec<(Regex, Film)>,
+    /// XYZ of strategies that join at no specular vertex, and of those that do.
+    pub shares: Option<[Film; 2]>,
     crop: Crop,
     filter: Filter,
 }
@@ -69,6 +74,7 @@ impl Outputs {
                 .iter()
                 .map(|r| (r.clone(), film(3)))
                 .collect(),
+            shares: request.shares.then(|| [film(3), film(3)]),
             crop,
             filter,
         }
@@ -83,7 +89,9 @@ impl Outputs {
         half: usize,
         values: &mut Vec<f64>,
     ) {
-        if self.spectral.is_none() && self.strategies.is_none() && self.classes.is_empty() {
+        let of_paths =
+            self.strategies.is_some() || !self.classes.is_empty() || self.shares.is_some();
+        if self.spectral.is_none() && !of_paths {
             return;
         }
         for contribution in contributions {
@@ -93,13 +101,17 @@ impl Outputs {
                 response.add(wavelengths, &contribution.lanes, values);
                 add(film, contribution.target, pixel, half, values);
             }
-            if self.strategies.is_none() && self.classes.is_empty() {
+            if !of_paths {
                 continue;
             }
             let mut xyz = [0.0; 3];
             self.response
                 .add(wavelengths, &contribution.lanes, &mut xyz);
             self.add_strategy(contribution, pixel, half, &xyz);
+            if let Some(shares) = &self.shares {
+                let film = &shares[usize::from(contribution.regularized > 0)];
+                add(film, contribution.target, pixel, half, &xyz);
+            }
             if !self.classes.is_empty() {
                 let class = contribution.class.to_string();
                 for (_, film) in self

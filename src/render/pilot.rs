@@ -2,7 +2,7 @@
 
 use crate::film::SensorResponse;
 use crate::integrator::{Frame, Workspace, sample_pixel};
-use crate::transport::PassSettings;
+use crate::transport::{Cone, PassSettings};
 
 /// Samples of the pilot.
 const SAMPLES: u32 = 1024;
@@ -14,10 +14,11 @@ const SHARE: f64 = 0.05;
 /// The roulette threshold: a share of the mean indirect value of a sample. A function of scene, settings and seed alone, so that
 /// renders of different passes agree.
 #[must_use]
-pub fn roulette_threshold(frame: &Frame, response: &SensorResponse) -> f64 {
+pub fn roulette_threshold(frame: &Frame, cone: Option<Cone>, response: &SensorResponse) -> f64 {
     let resolution = frame.scene.sensors[frame.sensor].camera.resolution();
     let pass = PassSettings {
         index: PASS,
+        cone,
         ..PassSettings::default()
     };
     let mut workspace = Workspace::default();

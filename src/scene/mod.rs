@@ -4,6 +4,7 @@ pub mod build;
 pub mod description;
 pub mod effects;
 pub mod probe;
+pub mod regularization;
 pub mod settings;
 
 pub use build::BuildError;

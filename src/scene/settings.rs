@@ -22,6 +22,62 @@ pub enum Heuristic {
     Power2,
 }
 
+/// Whether and how specular vertices are connectible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Regularize {
+    /// As [`Regularize::Mis`] for image cameras in scenes with specular surfaces, as [`Regularize::Off`] otherwise.
+    Auto,
+    /// Never: unbiased, and blind to paths that only connections at specular vertices make.
+    Off,
+    /// Only for paths that no unbiased strategy makes, by the one strategy that the rule chooses (after Kaplanyan and Dachsbacher
+    /// 2013).
+    Single,
+    /// By every strategy, weighted with all others (Bouchard et al. 2013).
+    Mis,
+}
+
+/// Which of a path's regularized strategies makes it under [`Regularize::Single`]: among those with the fewest regularized vertices,
+/// the one ...
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SingleRule {
+    /// ... whose connecting edge is shortest: it blurs least.
+    ShortestEdge,
+    /// ... that joins nearest to the camera.
+    Camera,
+    /// ... that joins nearest to the light.
+    Light,
+}
+
+/// Directional regularization.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Regularization {
+    /// Whether and how.
+    pub mode: Regularize,
+    /// The choice of single regularization.
+    pub single_rule: SingleRule,
+    /// Half-aperture ε₁ of the first pass's cone in radians, in (0, π/2]; `None`: found from the scene.
+    pub epsilon: Option<f64>,
+    /// Lower bound of ε in radians.
+    pub epsilon_min: f64,
+    /// Factor β in (0, 1] per regularized vertex on the weight of strategies, for paths that also have unbiased ones.
+    pub bias_weight: f64,
+    /// Odd passes use ε/√2, so that the halves of the passes tell the bias.
+    pub bias_estimate: bool,
+}
+
+impl Default for Regularization {
+    fn default() -> Self {
+        Self {
+            mode: Regularize::Auto,
+            single_rule: SingleRule::ShortestEdge,
+            epsilon: None,
+            epsilon_min: 0.0,
+            bias_weight: 1.0,
+            bias_estimate: false,
+        }
+    }
+}
+
 /// Render settings of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -39,6 +95,11 @@ pub struct Settings {
     pub heuristic: Heuristic,
     /// Probability of trying a connection between two inner vertices (s, t >= 2), 0 < p <= 1.
     pub pair_probability: f64,
+    /// Connections at specular vertices.
+    pub regularization: Regularization,
+    /// Also shows paths from a light without extent to a pinhole over specular vertices alone: points of finite flux, which become
+    /// discs of radius ε.
+    pub show_point_lights: bool,
     /// Strategies (s, t) never executed: for tests and studies.
     pub disabled: BTreeSet<(u32, u32)>,
 }
@@ -53,6 +114,8 @@ impl Default for Settings {
             max_depth: None,
             heuristic: Heuristic::Balance,
             pair_probability: 0.25,
+            regularization: Regularization::default(),
+            show_point_lights: false,
             disabled: BTreeSet::new(),
         }
     }

@@ -1,5 +1,6 @@
 //! Path classes: `L`, then `S` (specular) or `D` (anything else) for each scattering vertex, then `E`.
 
+use super::density::PathView;
 use std::fmt;
 
 /// The labels of a path's scattering vertices from the light to the sensor; beyond 64 vertices every one is called `D`.
@@ -18,6 +19,22 @@ impl PathClass {
             length: 0,
             specular: 0,
         }
+    }
+
+    /// The class of a path.
+    #[must_use]
+    pub fn of(path: &PathView) -> Self {
+        let mut class = Self::new();
+        for i in 1..path.len().saturating_sub(1) {
+            class.push(path.is_specular(i));
+        }
+        class
+    }
+
+    /// Whether every scattering vertex is specular, of at least one.
+    #[must_use]
+    pub fn is_all_specular(&self) -> bool {
+        self.length > 0 && self.specular.count_ones() == self.length
     }
 
     /// One more vertex on the sensor side.

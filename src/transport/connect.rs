@@ -11,10 +11,11 @@ use super::class::PathClass;
 use super::context::{Counters, PathContext};
 use super::contribution::{Contribution, Target};
 use super::density::{Edge, EdgeDensity, PathView, VertexDensity};
-use super::mis::{denominator, multiplier};
-use super::subpath::Subpath;
+use super::mis::{Multipliers, delivers_to_all, denominator};
+use super::regularize::specular_kernel;
+use super::subpath::{Subpath, Vertex};
 use super::techniques::Techniques;
-use crate::bsdf::{BsdfEval, LaneDensity};
+use crate::bsdf::{BsdfEval, Label, LaneDensity};
 use crate::geometry::{EndPoint, Ray, SurfacePoint};
 use crate::light::{HitMeasure, Light, LightId};
 use crate::medium::Region;
@@ -28,9 +29,12 @@ pub struct Joiner<'a> {
     /// What the path pair shares.
     pub context: &'a PathContext<'a>,
     /// Which strategies are executed.
-    pub techniques: &'a Techniques,
+    pub techniques: &'a Techniques<'a>,
     /// At most this many scattering vertices on a path.
     pub max_depth: usize,
+    /// Neither lights without extent nor this camera have an image of each other in mirrors: paths of specular vertices alone
+    /// between them are left out.
+    pub hide_points: bool,
     /// Also compute the raw (unweighted) value of each contribution.
     pub with_raw: bool,
     /// Numbers for connections.
@@ -79,6 +83,18 @@ pub fn light_end_factor(light: &Light, x0: &EndPoint, toward: DVec3, distance: f
     }
 }
 
+/// How an end of the joining edge scatters under one label.
+struct EndKernel {
+    label: Label,
+    dispersive: bool,
+    /// `g`; `A g` of a specular label.
+    kernel: SampledSpectrum,
+    /// Density of ω⁺ given ω⁻; the label's probability of a specular one.
+    forward: EdgeDensity,
+    /// Density of ω⁻ given ω⁺.
+    backward: EdgeDensity,
+}
+
 /// A numerator, still without its weight: what all lanes share and each lane's factor.
 struct Numerator {
     scale: f64,
@@ -89,13 +105,78 @@ struct Numerator {
 struct Strategy<'p> {
     view: PathView<'p>,
     target: Target,
-    class: PathClass,
 }
 
 impl<'a> Joiner<'a> {
     /// Whether strategy (s, t) is executed and allowed by the depth limit.
     fn wants(&self, s: usize, t: usize) -> bool {
-        s + t <= self.max_depth.saturating_add(2) && self.techniques.samples(s, t) > 0.0
+        s + t <= self.max_depth.saturating_add(2) && self.techniques.samples(s, t, false) > 0.0
+    }
+
+    /// Whether a joining edge may end at the vertex.
+    fn is_connectible(&self, vertex: &Vertex) -> bool {
+        vertex.bsdf.has_non_specular() || self.is_regularized(vertex)
+    }
+
+    /// Whether a joining edge may end at the vertex under a specular label.
+    fn is_regularized(&self, vertex: &Vertex) -> bool {
+        self.techniques.cone.is_some() && vertex.bsdf.has_specular()
+    }
+
+    /// How a vertex scatters between ω⁻ and ω⁺ under its non-specular label.
+    fn non_specular_end(
+        &self,
+        vertex: &Vertex,
+        w_light: DVec3,
+        w_camera: DVec3,
+    ) -> Option<EndKernel> {
+        if !vertex.bsdf.has_non_specular() {
+            return None;
+        }
+        let eval = vertex.bsdf.eval(
+            vertex.frame.to_local(w_light),
+            vertex.frame.to_local(w_camera),
+        );
+        if eval.g.is_black(self.context.count()) {
+            return None;
+        }
+        let (forward, backward) = densities(&eval);
+        Some(EndKernel {
+            label: Label::NonSpecular,
+            dispersive: false,
+            kernel: eval.g,
+            forward,
+            backward,
+        })
+    }
+
+    /// The same under the specular label of the two directions' sides, within the cone.
+    fn specular_end(&self, vertex: &Vertex, w_light: DVec3, w_camera: DVec3) -> Option<EndKernel> {
+        let cone = self.techniques.cone.as_ref()?;
+        if !vertex.bsdf.has_specular() {
+            return None;
+        }
+        let (w_light, w_camera) = (
+            vertex.frame.to_local(w_light),
+            vertex.frame.to_local(w_camera),
+        );
+        let found = specular_kernel(&vertex.bsdf, w_light, w_camera, cone)?;
+        let probability = |w| EdgeDensity::uniform(vertex.bsdf.label_probability(found.label, w));
+        Some(EndKernel {
+            label: found.label,
+            dispersive: found.dispersive,
+            kernel: found.kernel,
+            forward: probability(w_light),
+            backward: probability(w_camera),
+        })
+    }
+
+    /// The labels under which a vertex scatters between ω⁻ and ω⁺: at most one of each kind.
+    fn ends(&self, vertex: &Vertex, w_light: DVec3, w_camera: DVec3) -> [Option<EndKernel>; 2] {
+        [
+            self.non_specular_end(vertex, w_light, w_camera),
+            self.specular_end(vertex, w_light, w_camera),
+        ]
     }
 
     fn light(&self, id: LightId) -> &'a Light {
@@ -118,10 +199,18 @@ impl<'a> Joiner<'a> {
         strategy: &Strategy,
         segment: Option<(&Ray, &Region)>,
     ) {
+        let view = &strategy.view;
+        if self.hide_points && !view.hittable_light && PathClass::of(view).is_all_specular() {
+            return;
+        }
         #[cfg(test)]
-        super::record::record(&strategy.view, self.techniques, segment.map(|(ray, _)| ray));
+        super::record::record(view, self.techniques, segment.map(|(ray, _)| ray));
         let count = self.context.count();
-        let weights = denominator(&strategy.view, self.techniques, &self.context.wavelengths);
+        let multipliers = Multipliers::new(view, self.techniques);
+        let weights = denominator(&multipliers, &self.context.wavelengths);
+        if weights.numerator == 0.0 && !self.with_raw {
+            return;
+        }
         let mut lanes = [0.0; MAX_LANES];
         for (j, lane) in lanes.iter_mut().enumerate().take(count) {
             let value = numerator.scale * f64::from(numerator.lanes[j]);
@@ -152,17 +241,16 @@ impl<'a> Joiner<'a> {
             survival /= visibility;
         }
         self.counters.connections_made += 1;
-        let s = strategy.view.s();
-        let t = strategy.view.camera.len();
+        let s = view.s();
         let mut raw = [0.0; MAX_LANES];
         if self.with_raw {
-            let alone = multiplier(&strategy.view, self.techniques, s);
-            let dispersed = (0..strategy.view.len()).any(|i| strategy.view.is_dispersive(i));
+            let alone = multipliers.plain(s);
+            let shared = delivers_to_all(view, view.dispersive_count(), s);
             for (j, value) in raw.iter_mut().enumerate().take(count) {
-                let techniques = if dispersed {
-                    self.context.wavelengths.multiplicity(j)
-                } else {
+                let techniques = if shared {
                     count
+                } else {
+                    self.context.wavelengths.multiplicity(j)
                 };
                 let lane = numerator.scale * f64::from(numerator.lanes[j]);
                 *value = lane / (alone * techniques as f64 * survival);
@@ -176,8 +264,9 @@ impl<'a> Joiner<'a> {
             lanes,
             raw,
             s: s as u32,
-            t: t as u32,
-            class: strategy.class,
+            t: view.camera.len() as u32,
+            regularized: multipliers.regularized(s) as u8,
+            class: PathClass::of(view),
         });
     }
 
@@ -257,36 +346,6 @@ impl<'a> Joiner<'a> {
         (self.context.scene.selection.probability(id) * pdf_x0, next)
     }
 
-    fn class_of(
-        light: Option<(&Subpath, usize)>,
-        camera: Option<(&Subpath, usize)>,
-        edge: &Edge,
-    ) -> PathClass {
-        // `n` scattering vertices of each sub-path take part; the last of each carries the edge's label
-        let mut class = PathClass::new();
-        if let Some((path, n)) = light {
-            for i in 0..n {
-                let label = if i + 1 == n {
-                    edge.light_label
-                } else {
-                    path.densities[i + 1].label
-                };
-                class.push(label.is_specular());
-            }
-        }
-        if let Some((path, n)) = camera {
-            for i in (0..n).rev() {
-                let label = if i + 1 == n {
-                    edge.camera_label
-                } else {
-                    path.densities[i + 1].label
-                };
-                class.push(label.is_specular());
-            }
-        }
-        class
-    }
-
     /// Density of the light sub-path's start by direct sampling from its first vertex.
     fn direct_of(&self, light: &Subpath) -> f64 {
         match (light.light, light.vertices.first()) {
@@ -295,8 +354,13 @@ impl<'a> Joiner<'a> {
         }
     }
 
-    /// s, t >= 2: light vertex `i` is connected to camera vertex `j`.
-    pub fn pair(&mut self, light: &Subpath, i: usize, camera: &Subpath, j: usize) {
+    /// Whether camera sub-paths can hit the light of a light sub-path.
+    fn is_hittable(&self, id: Option<LightId>) -> bool {
+        id.is_some_and(|id| self.light(id).hit_measure() != HitMeasure::Never)
+    }
+
+    /// s, t >= 2: light vertex `i` is connected to camera vertex `j`; under non-specular labels of both only if `plain`.
+    pub fn pair(&mut self, light: &Subpath, i: usize, camera: &Subpath, j: usize, plain: bool) {
         let (a, b) = (&light.vertices[i], &camera.vertices[j]);
         let offset = b.point.p - a.point.p;
         let d2 = offset.length_squared();
@@ -318,28 +382,54 @@ impl<'a> Joiner<'a> {
             return;
         }
         self.counters.connections_tried += 1;
-        let at_a = a
-            .bsdf
-            .eval(a.frame.to_local(a.toward_previous), a.frame.to_local(w));
-        if at_a.g.is_black(self.context.count()) {
+        // the labels of one end that are worth trying depend on those of the other; a missed cone ends it early
+        let specular_b = self.specular_end(b, -w, b.toward_previous);
+        let non_specular_a = if plain || specular_b.is_some() {
+            self.non_specular_end(a, a.toward_previous, w)
+        } else {
+            None
+        };
+        let specular_a = self.specular_end(a, a.toward_previous, w);
+        if non_specular_a.is_none() && specular_a.is_none() {
             return;
         }
-        let at_b = b
-            .bsdf
-            .eval(b.frame.to_local(-w), b.frame.to_local(b.toward_previous));
-        if at_b.g.is_black(self.context.count()) {
-            return;
+        let non_specular_b = if plain || specular_a.is_some() {
+            self.non_specular_end(b, -w, b.toward_previous)
+        } else {
+            None
+        };
+        for at_a in non_specular_a.iter().chain(&specular_a) {
+            for at_b in non_specular_b.iter().chain(&specular_b) {
+                let regularized = at_a.label.is_specular() || at_b.label.is_specular();
+                if plain || regularized {
+                    self.join((light, i, at_a), (camera, j, at_b), (w, distance), *region);
+                }
+            }
         }
-        let (forward_a, backward_a) = densities(&at_a);
-        let (forward_b, backward_b) = densities(&at_b);
+    }
+
+    /// One pair of labels of a pair of vertices, whose edge is `w`, from light to camera, and `distance` long.
+    fn join(
+        &mut self,
+        (light, i, at_a): (&Subpath, usize, &EndKernel),
+        (camera, j, at_b): (&Subpath, usize, &EndKernel),
+        (w, distance): (DVec3, f64),
+        region: Region,
+    ) {
+        let (a, b) = (&light.vertices[i], &camera.vertices[j]);
+        let d2 = distance * distance;
         let cos_a = w.dot(a.point.ng).abs();
         let cos_b = w.dot(b.point.ng).abs();
         let edge = Edge {
-            light_end: backward_b.scaled(cos_a / d2),
-            light_before: self.light_before(light, i, &backward_a),
-            camera_end: forward_a.scaled(cos_b / d2),
-            camera_before: self.camera_before(camera, j, &forward_b),
-            ..Edge::default()
+            light_end: at_b.backward.scaled(cos_a / d2),
+            light_before: self.light_before(light, i, &at_a.backward),
+            camera_end: at_a.forward.scaled(cos_b / d2),
+            camera_before: self.camera_before(camera, j, &at_b.forward),
+            light_label: at_a.label,
+            camera_label: at_b.label,
+            length: distance as f32,
+            light_dispersive: at_a.dispersive,
+            camera_dispersive: at_b.dispersive,
         };
         let strategy = Strategy {
             view: PathView {
@@ -349,16 +439,16 @@ impl<'a> Joiner<'a> {
                 camera_columns: &camera.columns,
                 edge,
                 direct: self.direct_of(light),
+                hittable_light: self.is_hittable(light.light),
             },
             target: Target::OwnPixel,
-            class: Self::class_of(Some((light, i + 1)), Some((camera, j + 1)), &edge),
         };
         let numerator = Self::numerator(
             &[
                 &a.throughput.lanes,
                 &b.throughput.lanes,
-                &at_a.g,
-                &at_b.g,
+                &at_a.kernel,
+                &at_b.kernel,
                 &self.context.eta_squared(region.medium),
                 &self.context.medium(region.medium).transmittance(distance),
             ],
@@ -374,7 +464,7 @@ impl<'a> Joiner<'a> {
             end: Some(b.point.id),
             ..Ray::leaving(a.point.p, w, self.context.time, Some(a.point.id))
         };
-        self.finish(&numerator, &strategy, Some((&ray, region)));
+        self.finish(&numerator, &strategy, Some((&ray, &region)));
     }
 
     /// All pairs s, t >= 2 that the depth limit and the choice of pairs allow.
@@ -382,7 +472,9 @@ impl<'a> Joiner<'a> {
         let mut numbers: [f64; 4] = [0.0; 4];
         let mut used = 4;
         for i in 0..light.vertices.len() {
-            if !light.vertices[i].bsdf.has_non_specular() {
+            let a = &light.vertices[i];
+            let (plain_a, specular_a) = (a.bsdf.has_non_specular(), self.is_regularized(a));
+            if !plain_a && !specular_a {
                 continue;
             }
             for j in 0..camera.vertices.len() {
@@ -390,21 +482,21 @@ impl<'a> Joiner<'a> {
                 if s + t > self.max_depth.saturating_add(2) {
                     break;
                 }
-                if !camera.vertices[j].bsdf.has_non_specular() {
-                    continue;
-                }
-                let probability = self.techniques.samples(s, t);
-                if probability < 1.0 {
+                let b = &camera.vertices[j];
+                let mut plain = plain_a && b.bsdf.has_non_specular();
+                let probability = self.techniques.samples(s, t, false);
+                if plain && probability < 1.0 {
                     if used == 4 {
                         numbers = self.numbers.next4();
                         used = 0;
                     }
                     used += 1;
-                    if numbers[used - 1] >= probability {
-                        continue;
-                    }
+                    plain = numbers[used - 1] < probability;
                 }
-                self.pair(light, i, camera, j);
+                let allowed = probability > 0.0;
+                if plain || allowed && (specular_a || self.is_regularized(b)) {
+                    self.pair(light, i, camera, j, plain);
+                }
             }
         }
     }

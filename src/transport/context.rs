@@ -1,17 +1,11 @@
 //! What all paths of a pass share, what one path pair shares, and what is counted on the way.
 
+use super::regularize::Cone;
 use crate::geometry::{InstanceId, Ray};
 use crate::light::LightContext;
 use crate::medium::{MediumId, MediumLanes, Region};
 use crate::scene::Scene;
 use crate::spectrum::{MAX_LANES, SampledSpectrum, SampledWavelengths};
-
-/// The cone that stands in for a specular delta at connections.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cone {
-    /// Half-aperture in radians, measured in the denser medium.
-    pub epsilon: f64,
-}
 
 /// Wavelength and time that all paths of a pass share (merging needs both sub-paths to agree).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -26,6 +26,8 @@ pub struct Contribution {
     pub s: u32,
     /// Vertices from the sensor.
     pub t: u32,
+    /// Specular vertices at which the strategy joined: 0, 1 or 2.
+    pub regularized: u8,
     /// What happened at each vertex.
     pub class: PathClass,
 }

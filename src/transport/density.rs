@@ -24,6 +24,8 @@ pub struct VertexDensity {
     pub own_column: u32,
     /// The same for `other`.
     pub other_column: u32,
+    /// Distance to the vertex generated before; infinite from a light at infinity. Only compared, so few digits do.
+    pub length: f32,
     /// What was drawn here (end points: non-specular).
     pub label: Label,
     /// A specular transmission whose direction depends on wavelength.
@@ -39,6 +41,7 @@ impl VertexDensity {
             other: 0.0,
             own_column: NO_COLUMN,
             other_column: NO_COLUMN,
+            length: f32::INFINITY,
             label: Label::NonSpecular,
             dispersive: false,
         }
@@ -86,6 +89,8 @@ pub struct Edge {
     pub light_label: Label,
     /// Label of x_s on this path.
     pub camera_label: Label,
+    /// Length of the joining edge.
+    pub length: f32,
     /// x_{s−1} is a regularized transmission whose direction depends on wavelength.
     pub light_dispersive: bool,
     /// The same for x_s.
@@ -101,6 +106,7 @@ impl Default for Edge {
             camera_before: EdgeDensity::default(),
             light_label: Label::NonSpecular,
             camera_label: Label::NonSpecular,
+            length: f32::INFINITY,
             light_dispersive: false,
             camera_dispersive: false,
         }
@@ -122,6 +128,8 @@ pub struct PathView<'a> {
     pub edge: Edge,
     /// Density of x₀ under the direct sampling of strategy s = 1.
     pub direct: f64,
+    /// Camera sub-paths can hit the light.
+    pub hittable_light: bool,
 }
 
 impl PathView<'_> {
@@ -234,6 +242,22 @@ impl PathView<'_> {
                 .iter()
                 .chain(self.camera)
                 .any(|v| v.own_column != NO_COLUMN || v.other_column != NO_COLUMN)
+    }
+
+    /// Length of the edge from x_{i−1} to x_i, 1 <= i < n.
+    #[must_use]
+    pub fn edge_length(&self, i: usize) -> f32 {
+        match i.cmp(&self.s()) {
+            std::cmp::Ordering::Less => self.light[i].length,
+            std::cmp::Ordering::Equal => self.edge.length,
+            std::cmp::Ordering::Greater => self.camera[self.len() - i].length,
+        }
+    }
+
+    /// Number of dispersive vertices.
+    #[must_use]
+    pub fn dispersive_count(&self) -> usize {
+        (0..self.len()).filter(|&i| self.is_dispersive(i)).count()
     }
 
     /// Whether x_i carries a specular label.

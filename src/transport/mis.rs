@@ -1,7 +1,7 @@
 //! The terms of all strategies of a path: the one place that knows how strategies are weighted.
 //!
 //! For the executed strategy s the contribution is `T_L T_C g' g' η² G V Tr / Σ_{s'} ρ_{s'} m(s')` with `ρ_{s'} = P̃_{s'}/P̃_s` and
-//! `m(s') = n_{s'} · A^{N_r(s')} · c(s') · [executed]`: the ratios are walked outward from the joined edge, dividing only by densities
+//! `m(s') = n_{s'} · A^{N_r(s')} · c(s') · [executed]`, N_r the number of specular vertices at the joint: the ratios are walked outward from the joined edge, dividing only by densities
 //! of vertices that were really generated, so nothing is ever divided by zero and 1/A is never formed.
 //!
 //! The lane multiplicity c(s') counts the wavelengths that could have made the path's lane as their hero: all of them where no
@@ -10,7 +10,7 @@
 
 use super::density::PathView;
 use super::techniques::Techniques;
-use crate::scene::settings::Heuristic;
+use crate::scene::settings::{Heuristic, SingleRule};
 use crate::spectrum::{MAX_LANES, SampledWavelengths};
 
 /// The denominators `D_j` of all lanes.
@@ -20,7 +20,8 @@ pub struct Denominator {
     pub shared: f64,
     /// Terms that only lanes of the same wavelength could have made.
     pub own: [f64; MAX_LANES],
-    /// Factor on the contribution's numerator: 1 for the balance heuristic, `m₁(s)` for the power heuristic.
+    /// Factor on the contribution's numerator: the strategy's preference (1 unless regularized strategies are weighted down or
+    /// chosen among), times `m₁(s)` for the power heuristic.
     pub numerator: f64,
 }
 
@@ -28,32 +29,134 @@ impl Denominator {
     /// The factor that turns lane `j`'s numerator into its contribution.
     #[must_use]
     pub fn factor(&self, j: usize) -> f64 {
+        if self.numerator == 0.0 {
+            // not admitted; then no other strategy need be either
+            return 0.0;
+        }
         self.numerator / (self.shared + self.own[j])
     }
 }
 
-/// `m₁(s) = n_s · A^{N_r(s)} · [executed]` for a path.
-#[must_use]
-pub fn multiplier(path: &PathView, techniques: &Techniques, s: usize) -> f64 {
-    let n = path.len();
-    let samples = techniques.samples(s, n - s);
-    if samples == 0.0 || s == 0 || s == n {
-        return samples;
+/// Which of a path's strategies may make it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Admitted {
+    /// All that are executed.
+    All,
+    /// Those that join at no specular vertex.
+    Unbiased,
+    /// One.
+    Only(usize),
+}
+
+/// `m₁(s) = n_s · (A β)^{N_r(s)} · [executed and admitted]` for the strategies of a path.
+#[derive(Clone, Copy, Debug)]
+pub struct Multipliers<'a> {
+    path: &'a PathView<'a>,
+    techniques: &'a Techniques<'a>,
+    admitted: Admitted,
+    /// β: 1 where no unbiased strategy makes the path.
+    beta: f64,
+}
+
+impl<'a> Multipliers<'a> {
+    /// For a path. Looks at the whole path only where the techniques call for it.
+    #[must_use]
+    pub fn new(path: &'a PathView<'a>, techniques: &'a Techniques<'a>) -> Self {
+        let mut out = Self {
+            path,
+            techniques,
+            admitted: Admitted::All,
+            beta: 1.0,
+        };
+        if techniques.cone.is_none() {
+            return out;
+        }
+        if let Some(rule) = techniques.single {
+            out.admitted = if out.has_unbiased() {
+                Admitted::Unbiased
+            } else {
+                out.single(rule).map_or(Admitted::All, Admitted::Only)
+            };
+        } else if techniques.bias_weight < 1.0 && out.has_unbiased() {
+            out.beta = techniques.bias_weight;
+        }
+        out
     }
-    let regularized = u8::from(path.is_specular(s - 1)) + u8::from(path.is_specular(s));
-    match (regularized, techniques.cone_area) {
-        (0, _) => samples,
-        (_, None) => 0.0,
-        (1, Some(area)) => samples * area,
-        (_, Some(area)) => samples * area * area,
+
+    /// N_r(s): specular ends of strategy `s`.
+    #[must_use]
+    pub fn regularized(&self, s: usize) -> i32 {
+        if s == 0 || s == self.path.len() {
+            return 0;
+        }
+        i32::from(self.path.is_specular(s - 1)) + i32::from(self.path.is_specular(s))
+    }
+
+    /// Without choice and β: `n_s · A^{N_r(s)} · [executed]`.
+    #[must_use]
+    pub fn plain(&self, s: usize) -> f64 {
+        let n = self.path.len();
+        let regularized = self.regularized(s);
+        let samples = self.techniques.samples(s, n - s, regularized > 0);
+        match (regularized, self.techniques.cone) {
+            (0, _) => samples,
+            (_, None) => 0.0,
+            (1, Some(cone)) => samples * cone.area,
+            (_, Some(cone)) => samples * cone.area * cone.area,
+        }
+    }
+
+    /// What strategy `s` is weighted with besides its density and A: `β^{N_r(s)} · [admitted]`.
+    #[must_use]
+    pub fn preference(&self, s: usize) -> f64 {
+        match self.admitted {
+            Admitted::All if self.beta == 1.0 => 1.0,
+            Admitted::All => self.beta.powi(self.regularized(s)),
+            Admitted::Unbiased => f64::from(u8::from(self.regularized(s) == 0)),
+            Admitted::Only(one) => f64::from(u8::from(s == one)),
+        }
+    }
+
+    /// `m₁(s)`.
+    #[must_use]
+    pub fn of(&self, s: usize) -> f64 {
+        self.plain(s) * self.preference(s)
+    }
+
+    /// Whether the path can be made at all by strategy `s`: hitting needs something that can be hit.
+    fn is_possible(&self, s: usize) -> bool {
+        (s > 0 || self.path.hittable_light) && self.plain(s) > 0.0
+    }
+
+    /// Whether a strategy without regularized vertices makes the path: a function of its class alone.
+    fn has_unbiased(&self) -> bool {
+        (0..=self.path.len()).any(|s| self.regularized(s) == 0 && self.is_possible(s))
+    }
+
+    /// The strategy that makes the path alone, of those with the fewest regularized vertices.
+    fn single(&self, rule: SingleRule) -> Option<usize> {
+        let possible = || (1..self.path.len()).filter(|&s| self.is_possible(s));
+        let fewest = possible().map(|s| self.regularized(s)).min()?;
+        let mut candidates = possible().filter(|&s| self.regularized(s) == fewest);
+        match rule {
+            SingleRule::Light => candidates.next(),
+            SingleRule::Camera => candidates.last(),
+            // of equally long ones the last, as elsewhere the one towards the camera
+            SingleRule::ShortestEdge => candidates.rev().min_by(|&a, &b| {
+                self.path
+                    .edge_length(a)
+                    .total_cmp(&self.path.edge_length(b))
+            }),
+        }
     }
 }
 
 /// Calls `term(s', ρ_{s'} m₁(s'))` for every strategy of the path, in no particular order; the executed one has ρ = 1.
-pub fn for_each_term(path: &PathView, techniques: &Techniques, mut term: impl FnMut(usize, f64)) {
+pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(usize, f64)) {
+    let path = multipliers.path;
     let n = path.len();
     let s = path.s();
-    let m = |i: usize| multiplier(path, techniques, i);
+    let m = |i: usize| multipliers.of(i);
     term(s, m(s));
 
     // Direct sampling of x₀ (s' = 1) has a density of its own, which enters where s' = 1 is an end of the walk.
@@ -104,7 +207,8 @@ pub fn for_each_term(path: &PathView, techniques: &Techniques, mut term: impl Fn
 }
 
 /// Whether every dispersive vertex of the path is an end point of strategy `s`, so that every lane can serve as its hero.
-fn delivers_to_all(path: &PathView, dispersive: usize, s: usize) -> bool {
+#[must_use]
+pub fn delivers_to_all(path: &PathView, dispersive: usize, s: usize) -> bool {
     if dispersive == 0 {
         return true;
     }
@@ -119,30 +223,29 @@ fn delivers_to_all(path: &PathView, dispersive: usize, s: usize) -> bool {
 
 /// The denominators of all lanes for the executed strategy of the path.
 #[must_use]
-pub fn denominator(
-    path: &PathView,
-    techniques: &Techniques,
-    wavelengths: &SampledWavelengths,
-) -> Denominator {
-    let power = |v: f64| match techniques.heuristic {
+pub fn denominator(multipliers: &Multipliers, wavelengths: &SampledWavelengths) -> Denominator {
+    let path = multipliers.path;
+    let heuristic = multipliers.techniques.heuristic;
+    let power = |v: f64| match heuristic {
         Heuristic::Balance => v,
         Heuristic::Power2 => v * v,
     };
-    let dispersive = (0..path.len()).filter(|&i| path.is_dispersive(i)).count();
+    let dispersive = path.dispersive_count();
+    let preference = multipliers.preference(path.s());
     let mut out = Denominator {
-        numerator: match techniques.heuristic {
-            Heuristic::Balance => 1.0,
-            Heuristic::Power2 => multiplier(path, techniques, path.s()),
+        numerator: match heuristic {
+            Heuristic::Balance => preference,
+            Heuristic::Power2 => preference * multipliers.of(path.s()),
         },
         ..Denominator::default()
     };
     let count = wavelengths.count();
     if path.has_columns() {
-        add_columns(path, techniques, wavelengths, dispersive, power, &mut out);
+        add_columns(multipliers, wavelengths, dispersive, power, &mut out);
         return out;
     }
     let mut own = 0.0;
-    for_each_term(path, techniques, |s, value| {
+    for_each_term(multipliers, |s, value| {
         if delivers_to_all(path, dispersive, s) {
             out.shared += power(value);
         } else {
@@ -161,13 +264,13 @@ pub fn denominator(
 /// The terms where densities differ between lanes: lane k's chain of ratios cannot be walked, because its density may be 0
 /// where the hero's is not, so everything is divided by what was really generated (prefix and suffix products).
 fn add_columns(
-    path: &PathView,
-    techniques: &Techniques,
+    multipliers: &Multipliers,
     wavelengths: &SampledWavelengths,
     dispersive: usize,
     power: impl Fn(f64) -> f64,
     out: &mut Denominator,
 ) {
+    let path = multipliers.path;
     let n = path.len();
     let s = path.s();
     let count = wavelengths.count();
@@ -190,7 +293,7 @@ fn add_columns(
                 1 => path.direct / generated(0),
                 _ => path.pf(0) / generated(0),
             };
-            let value = multiplier(path, techniques, technique) * first * prefix * behind;
+            let value = multipliers.of(technique) * first * prefix * behind;
             if value > 0.0 {
                 if delivers_to_all(path, dispersive, technique) {
                     out.shared += power(value);

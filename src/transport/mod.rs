@@ -13,6 +13,7 @@ pub mod mis;
 mod oracle;
 #[cfg(test)]
 pub mod record;
+pub mod regularize;
 pub mod subpath;
 pub mod techniques;
 pub mod throughput;
@@ -21,6 +22,7 @@ pub mod walk;
 pub use context::{Counters, PassSettings, PathContext};
 pub use contribution::{Contribution, Target};
 pub use density::{Edge, PathView, VertexDensity};
+pub use regularize::Cone;
 pub use subpath::Subpath;
 pub use techniques::Techniques;
 pub use throughput::Throughput;

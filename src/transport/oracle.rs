@@ -1,12 +1,13 @@
 //! The weights by definition: every strategy's density as a plain product, nothing shared, nothing cancelled. Slow; checks `mis.rs`.
 
 use super::density::{Column, Edge, EdgeDensity, NO_COLUMN, PathView, VertexDensity};
-use super::mis::{Denominator, denominator, for_each_term, multiplier};
+use super::mis::{Multipliers, denominator, for_each_term};
+use super::regularize::Cone;
 use super::techniques::Techniques;
 use crate::bsdf::Label;
 use crate::math::hash::{random_bits, unit_f64};
 use crate::scene::Settings;
-use crate::scene::settings::{Heuristic, IntegratorKind};
+use crate::scene::settings::{Heuristic, IntegratorKind, SingleRule};
 use crate::spectrum::{MAX_LANES, SampledWavelengths, WavelengthDistribution};
 
 /// All densities of a finished path, from both sides and for every lane.
@@ -16,6 +17,9 @@ struct FullPath {
     direct: f64,
     specular: Vec<bool>,
     dispersive: Vec<bool>,
+    /// Of the edge before each vertex.
+    lengths: Vec<f32>,
+    hittable_light: bool,
 }
 
 struct Random {
@@ -55,7 +59,7 @@ fn random_path(random: &mut Random, n: usize, columns: bool, zeros: f64) -> Full
         lanes
     };
     let mut pf: Vec<Column> = (0..n).map(|i| column(i >= 1)).collect();
-    let pr: Vec<Column> = (0..n).map(|i| column(i + 1 < n)).collect();
+    let mut pr: Vec<Column> = (0..n).map(|i| column(i + 1 < n)).collect();
     // the plain density of x₀ is lane independent by construction
     pf[0] = [pf[0][0]; MAX_LANES];
     let interior = |i: usize| i > 0 && i + 1 < n;
@@ -66,12 +70,19 @@ fn random_path(random: &mut Random, n: usize, columns: bool, zeros: f64) -> Full
     } else {
         random.density()
     };
+    let lengths = (0..n).map(|_| random.density() as f32).collect();
+    let hittable_light = random.next() < 0.7;
+    if !hittable_light {
+        pr[0] = [0.0; MAX_LANES];
+    }
     FullPath {
         pf,
         pr,
         direct,
         specular,
         dispersive,
+        lengths,
+        hittable_light,
     }
 }
 
@@ -105,11 +116,12 @@ impl FullPath {
         };
         let different = |c: &Column| c.iter().any(|v| *v != c[0]);
         let mut columns = Vec::new();
-        let mut vertex = |own: &Column, other: &Column, i: usize| {
+        let mut vertex = |own: &Column, other: &Column, i: usize, length: f32| {
             let mut density = VertexDensity::new(own[0]);
             density.other = other[0];
             density.label = label(i);
             density.dispersive = self.dispersive[i];
+            density.length = length;
             for (column, index) in [
                 (own, &mut density.own_column),
                 (other, &mut density.other_column),
@@ -124,11 +136,14 @@ impl FullPath {
             density
         };
         let light: Vec<_> = (0..s)
-            .map(|i| vertex(&self.pf[i], &self.pr[i], i))
+            .map(|i| vertex(&self.pf[i], &self.pr[i], i, self.lengths[i]))
             .collect();
         let camera: Vec<_> = (s..n)
             .rev()
-            .map(|i| vertex(&self.pr[i], &self.pf[i], i))
+            .map(|i| {
+                let behind = self.lengths.get(i + 1).copied().unwrap_or(f32::INFINITY);
+                vertex(&self.pr[i], &self.pf[i], i, behind)
+            })
             .collect();
         let edge_density = |table: &[Column], i: Option<usize>| match i.filter(|&i| i < n) {
             None => EdgeDensity::default(),
@@ -148,6 +163,7 @@ impl FullPath {
                 Label::NonSpecular
             },
             camera_label: if s < n { label(s) } else { Label::NonSpecular },
+            length: self.lengths.get(s).copied().unwrap_or(f32::INFINITY),
             light_dispersive: s > 0 && self.dispersive[s - 1],
             camera_dispersive: s < n && self.dispersive[s],
         };
@@ -158,11 +174,61 @@ impl FullPath {
             camera_columns: &columns,
             edge,
             direct: self.direct,
+            hittable_light: self.hittable_light,
         })
+    }
+
+    fn regularized(&self, s: usize) -> i32 {
+        if s == 0 || s == self.len() {
+            0
+        } else {
+            i32::from(self.specular[s - 1]) + i32::from(self.specular[s])
+        }
+    }
+
+    /// `m₁(s)` by definition.
+    fn multiplier(&self, techniques: &Techniques, s: usize) -> f64 {
+        let n = self.len();
+        let plain = |s: usize| {
+            let r = self.regularized(s);
+            let cone = match techniques.cone {
+                Some(cone) => cone.area.powi(r),
+                None if r > 0 => 0.0,
+                None => 1.0,
+            };
+            techniques.samples(s, n - s, r > 0) * cone
+        };
+        let possible: Vec<usize> = (0..=n)
+            .filter(|&s| plain(s) > 0.0 && (s > 0 || self.hittable_light))
+            .collect();
+        let unbiased = possible.iter().any(|&s| self.regularized(s) == 0);
+        let preference = match techniques.single.filter(|_| techniques.cone.is_some()) {
+            None if unbiased && techniques.cone.is_some() => {
+                techniques.bias_weight.powi(self.regularized(s))
+            }
+            None => 1.0,
+            Some(_) if unbiased => f64::from(u8::from(self.regularized(s) == 0)),
+            Some(rule) => {
+                let least = possible.iter().map(|&s| self.regularized(s)).min();
+                let mut candidates: Vec<usize> = possible
+                    .into_iter()
+                    .filter(|&s| Some(self.regularized(s)) == least)
+                    .collect();
+                match rule {
+                    SingleRule::Light => candidates.reverse(),
+                    SingleRule::Camera => {}
+                    SingleRule::ShortestEdge => {
+                        candidates.sort_by(|&a, &b| self.lengths[b].total_cmp(&self.lengths[a]))
+                    }
+                }
+                f64::from(u8::from(candidates.last() == Some(&s)))
+            }
+        };
+        plain(s) * preference
     }
 }
 
-fn random_techniques(random: &mut Random, n: usize) -> Techniques {
+fn random_settings(random: &mut Random, n: usize) -> Settings {
     let mut settings = Settings {
         pair_probability: 0.05 + 0.95 * random.next(),
         ..Settings::default()
@@ -180,9 +246,24 @@ fn random_techniques(random: &mut Random, n: usize) -> Techniques {
         1 => IntegratorKind::Light,
         _ => IntegratorKind::Bdpt,
     };
-    let mut techniques = Techniques::new(&settings, 0.01 + random.next(), random.next() < 0.5);
-    if random.next() < 0.5 {
-        techniques.cone_area = Some(10.0_f64.powf(random.next() * -11.0 - 1.0));
+    settings
+}
+
+fn random_techniques<'a>(random: &mut Random, settings: &'a Settings) -> Techniques<'a> {
+    let mut techniques = Techniques::new(settings, 0.01 + random.next(), random.next() < 0.5);
+    if random.next() < 0.7 {
+        // from 1e-8 to π/2
+        let log = random.next();
+        techniques.cone = Some(Cone::new(
+            1e-8_f64.powf(log) * std::f64::consts::FRAC_PI_2.powf(1.0 - log),
+        ));
+    }
+    match (random.next() * 8.0) as u32 {
+        0 => techniques.single = Some(SingleRule::ShortestEdge),
+        1 => techniques.single = Some(SingleRule::Camera),
+        2 => techniques.single = Some(SingleRule::Light),
+        3 | 4 => techniques.bias_weight = 0.01 + 0.99 * random.next(),
+        _ => {}
     }
     techniques
 }
@@ -190,7 +271,6 @@ fn random_techniques(random: &mut Random, n: usize) -> Techniques {
 /// `D_j · P̃_s(hero)` by definition: every technique (s', k) that delivers to lane j.
 fn denominator_by_definition(
     path: &FullPath,
-    view: &PathView,
     techniques: &Techniques,
     wavelengths: &SampledWavelengths,
     j: usize,
@@ -206,7 +286,7 @@ fn denominator_by_definition(
     for s in 0..=n {
         for k in 0..wavelengths.count() {
             if !scattered(s) || wavelengths.lambda_nm(k) == wavelengths.lambda_nm(j) {
-                let term = multiplier(view, techniques, s) * path.density(s, k);
+                let term = path.multiplier(techniques, s) * path.density(s, k);
                 sum += match techniques.heuristic {
                     Heuristic::Balance => term,
                     Heuristic::Power2 => term * term,
@@ -235,7 +315,8 @@ fn check(
         let span = (lengths.end() - lengths.start() + 1) as f64;
         let n = lengths.start() + (random.next() * span) as usize;
         let path = random_path(&mut random, n, columns, zeros);
-        let techniques = random_techniques(&mut random, n);
+        let settings = random_settings(&mut random, n);
+        let techniques = random_techniques(&mut random, &settings);
         let count = [1, 4, 8][(random.next() * 3.0) as usize];
         let distribution = if random.next() < 0.3 {
             &lines
@@ -247,15 +328,24 @@ fn check(
         let mut possible = 0;
         for s in 0..=n {
             path.seen_by(s, |view| {
-                let own = multiplier(view, &techniques, s);
-                if own == 0.0 || path.density(s, 0) == 0.0 {
+                let multipliers = Multipliers::new(view, &techniques);
+                let own = path.multiplier(&techniques, s);
+                if path.density(s, 0) == 0.0 {
+                    return;
+                }
+                let found = multipliers.of(s);
+                assert!(
+                    found == own || (found / own - 1.0).abs() < 1e-12,
+                    "m({s}) is {found:e}, not {own:e}"
+                );
+                if own == 0.0 {
                     return;
                 }
                 possible += 1;
                 let mut total = 0.0;
-                for_each_term(view, &techniques, |_, term| total += term);
+                for_each_term(&multipliers, |_, term| total += term);
                 weight_sum += own / total;
-                let all: Denominator = denominator(view, &techniques, &wavelengths);
+                let all = denominator(&multipliers, &wavelengths);
                 for j in 0..count {
                     let base = path.density(s, 0);
                     let base = if techniques.heuristic == Heuristic::Power2 {
@@ -264,7 +354,7 @@ fn check(
                         base
                     };
                     let expected =
-                        denominator_by_definition(&path, view, &techniques, &wavelengths, j) / base;
+                        denominator_by_definition(&path, &techniques, &wavelengths, j) / base;
                     let found = all.shared + all.own[j];
                     if expected > 0.0 || found > 0.0 {
                         worst_lane = worst_lane.max((found / expected - 1.0).abs());
@@ -307,20 +397,22 @@ fn a_planted_error_is_seen() {
     let mut random = Random { key: 4, counter: 0 };
     let mut path = random_path(&mut random, 5, false, 0.0);
     path.specular.fill(false);
-    let techniques = Techniques::new(&Settings::default(), 1.0, true);
+    let settings = Settings::default();
+    let techniques = Techniques::new(&settings, 1.0, true);
     let weight_sum = |planted: Option<usize>| {
         let mut sum = 0.0;
         for s in 0..=5 {
             path.seen_by(s, |view| {
+                let multipliers = Multipliers::new(view, &techniques);
                 let mut total = 0.0;
-                for_each_term(view, &techniques, |i, term| {
+                for_each_term(&multipliers, |i, term| {
                     total += if Some(i) == planted {
                         1.02 * term
                     } else {
                         term
                     };
                 });
-                sum += multiplier(view, &techniques, s) / total;
+                sum += multipliers.of(s) / total;
             });
         }
         sum

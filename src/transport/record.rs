@@ -1,7 +1,7 @@
 //! Test hook: what the strategies of this thread's samples say of the paths they made.
 
 use super::density::{Column, PathView};
-use super::mis::{for_each_term, multiplier};
+use super::mis::{Multipliers, for_each_term};
 use super::techniques::Techniques;
 use crate::geometry::Ray;
 use crate::spectrum::MAX_LANES;
@@ -54,7 +54,8 @@ pub(super) fn record(view: &PathView, techniques: &Techniques, segment: Option<&
             lanes
         };
         let mut sum = 0.0;
-        for_each_term(view, techniques, |_, term| sum += term);
+        let multipliers = Multipliers::new(view, techniques);
+        for_each_term(&multipliers, |_, term| sum += term);
         records.push(Recorded {
             s,
             t: n - s,
@@ -63,8 +64,8 @@ pub(super) fn record(view: &PathView, techniques: &Techniques, segment: Option<&
             direct: view.direct,
             specular: (0..n).map(|i| view.is_specular(i)).collect(),
             dispersive: (0..n).map(|i| view.is_dispersive(i)).collect(),
-            multipliers: (0..=n).map(|i| multiplier(view, techniques, i)).collect(),
-            weight: multiplier(view, techniques, s) / sum,
+            multipliers: (0..=n).map(|i| multipliers.of(i)).collect(),
+            weight: multipliers.of(s) / sum,
             segment: segment.copied(),
         });
     });

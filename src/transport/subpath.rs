@@ -71,8 +71,8 @@ pub struct SensorHit {
     pub distance: f64,
     /// Medium of the arriving segment.
     pub medium: MediumId,
-    /// Density of the point (own side).
-    pub own: EdgeDensity,
+    /// Density of the point.
+    pub density: VertexDensity,
     /// Weight up to and including the arrival.
     pub throughput: Throughput,
 }

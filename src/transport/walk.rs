@@ -192,6 +192,7 @@ pub fn walk(
         };
         let mut density = VertexDensity::new(own.hero);
         density.own_column = path.store_column(&own);
+        density.length = vertex.distance as f32;
         path.densities.push(density);
         path.vertices.push(vertex);
 
@@ -317,7 +318,15 @@ fn record_sensor_hit(
     let Some((raster, importance)) = sensor.camera.arrive(point, -direction, context.time) else {
         return;
     };
-    let cos = direction.dot(point.ng).abs();
+    let distance_counted = if infinite && path.vertices.is_empty() {
+        f64::INFINITY
+    } else {
+        distance
+    };
+    let own = travel.area_density(direction.dot(point.ng).abs(), distance * distance);
+    let mut density = VertexDensity::new(own.hero);
+    density.own_column = path.store_column(&own);
+    density.length = distance_counted as f32;
     path.sensor_hits.push(SensorHit {
         depth: path.vertices.len(),
         xk: EndPoint {
@@ -329,13 +338,9 @@ fn record_sensor_hit(
         raster,
         importance,
         toward_previous: -direction,
-        distance: if infinite && path.vertices.is_empty() {
-            f64::INFINITY
-        } else {
-            distance
-        },
+        distance: distance_counted,
         medium: stack.medium(),
-        own: travel.area_density(cos, distance * distance),
+        density,
         throughput: throughput.times(&context.medium(stack.medium()).transmittance(distance)),
     });
 }

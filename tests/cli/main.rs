@@ -152,7 +152,7 @@ fn misuse_is_explained() {
         ("render scene.toml --time -1", "expected a number above 0"),
         (
             "render scene.toml --aov noise",
-            "expected error, strategies, depth, normal, albedo or class:REGEX",
+            "expected error, strategies, regularized, unbiased, bias, depth, normal, albedo or class:REGEX",
         ),
         (
             "render scene.toml --sensor eye",

@@ -4,7 +4,7 @@ use abbe::film::{Crop, SensorResponse, SpectralChannels};
 use abbe::io::scene_file::parse_str;
 use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render};
-use abbe::scene::settings::IntegratorKind;
+use abbe::scene::settings::{IntegratorKind, Regularize};
 use abbe::scene::{Scene, Settings};
 use rayon::prelude::*;
 use regex::Regex;
@@ -78,7 +78,12 @@ pub fn scene(text: &str) -> (Scene, Settings) {
 
 /// A scene whose files lie in `folder`.
 pub fn scene_in(folder: &Path, text: &str) -> (Scene, Settings) {
-    let loaded = parse_str(text, folder).unwrap_or_else(|e| panic!("{e}"));
+    let mut loaded = parse_str(text, folder).unwrap_or_else(|e| panic!("{e}"));
+    // what is compared with exact numbers must ask for a bias to get one
+    let regularization = &mut loaded.settings.regularization;
+    if regularization.mode == Regularize::Auto {
+        regularization.mode = Regularize::Off;
+    }
     (
         Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}")),
         loaded.settings,

@@ -10,4 +10,5 @@ mod determinism;
 mod equality;
 mod harness;
 mod lanes;
+mod regularized;
 mod scale;

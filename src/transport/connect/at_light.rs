@@ -1,11 +1,10 @@
 //! Strategies that end on a light: camera sub-paths that hit one (s = 0) or are connected to one (s = 1).
 
-use super::{Joiner, Strategy, densities, end_point, light_end_factor};
+use super::{Joiner, Strategy, end_point, light_end_factor};
 use crate::geometry::{EndPoint, Ray};
 use crate::light::{HitMeasure, LightId};
 use crate::medium::MediumId;
 use crate::spectrum::SampledSpectrum;
-use crate::transport::class::PathClass;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Edge, EdgeDensity, PathView, VertexDensity};
 use crate::transport::subpath::Subpath;
@@ -109,10 +108,6 @@ impl Joiner<'_> {
             camera_before: EdgeDensity::uniform(pf1 * factor),
             ..Edge::default()
         };
-        let mut class = PathClass::new();
-        for density in camera.densities[1..t - 1].iter().rev() {
-            class.push(density.label.is_specular());
-        }
         let strategy = Strategy {
             view: PathView {
                 light: &[],
@@ -121,9 +116,9 @@ impl Joiner<'_> {
                 camera_columns: &camera.columns,
                 edge,
                 direct,
+                hittable_light: true,
             },
             target: Target::OwnPixel,
-            class,
         };
         let inverse_eta2 = SampledSpectrum::ONE / self.context.eta_squared(medium);
         let numerator = Self::numerator(
@@ -136,7 +131,7 @@ impl Joiner<'_> {
     /// s = 1: camera vertex `j` is connected to a light.
     pub fn direct(&mut self, camera: &Subpath, j: usize) {
         let vertex = &camera.vertices[j];
-        if !self.wants(1, j + 2) || !vertex.bsdf.has_non_specular() {
+        if !self.wants(1, j + 2) || !self.is_connectible(vertex) {
             return;
         }
         let u = self.numbers.next4();
@@ -162,52 +157,11 @@ impl Joiner<'_> {
             return;
         }
         self.counters.connections_tried += 1;
-        let eval = vertex.bsdf.eval(
-            vertex.frame.to_local(direct.toward),
-            vertex.frame.to_local(vertex.toward_previous),
-        );
-        if eval.g.is_black(self.context.count()) || direct.value.is_black(self.context.count()) {
+        if direct.value.is_black(self.context.count()) {
             return;
         }
-        let (forward, backward) = densities(&eval);
         let cos = direct.toward.dot(vertex.point.ng).abs();
-        let (pf0, pf1) = self.emission(id, &direct.x0, -direct.toward, cos, direct.distance);
         let factor = light_end_factor(self.light(id), &direct.x0, direct.toward, direct.distance);
-        let edge = Edge {
-            light_end: backward.scaled(factor),
-            camera_end: EdgeDensity::uniform(pf1),
-            camera_before: self.camera_before(camera, j, &forward),
-            ..Edge::default()
-        };
-        let start = [VertexDensity::new(pf0)];
-        let strategy = Strategy {
-            view: PathView {
-                light: &start,
-                camera: &camera.densities[..j + 2],
-                light_columns: &[],
-                camera_columns: &camera.columns,
-                edge,
-                direct: probability * direct.pdf,
-            },
-            target: Target::OwnPixel,
-            class: Self::class_of(None, Some((camera, j + 1)), &edge),
-        };
-        let transmittance = if direct.distance.is_finite() {
-            self.context
-                .medium(region.medium)
-                .transmittance(direct.distance)
-        } else {
-            SampledSpectrum::ONE
-        };
-        let numerator = Self::numerator(
-            &[
-                &vertex.throughput.lanes,
-                &eval.g,
-                &direct.value,
-                &transmittance,
-            ],
-            vertex.throughput.scale * direct.toward.dot(vertex.point.ns).abs() / probability,
-        );
         let ray = Ray {
             t_max: direct.distance,
             end: direct.x0.surface,
@@ -218,7 +172,52 @@ impl Joiner<'_> {
                 Some(vertex.point.id),
             )
         };
-        self.finish(&numerator, &strategy, Some((&ray, region)));
+        for end in self
+            .ends(vertex, direct.toward, vertex.toward_previous)
+            .iter()
+            .flatten()
+        {
+            let (pf0, pf1) = self.emission(id, &direct.x0, -direct.toward, cos, direct.distance);
+            let edge = Edge {
+                light_end: end.backward.scaled(factor),
+                camera_end: EdgeDensity::uniform(pf1),
+                camera_before: self.camera_before(camera, j, &end.forward),
+                camera_label: end.label,
+                camera_dispersive: end.dispersive,
+                length: direct.distance as f32,
+                ..Edge::default()
+            };
+            let start = [VertexDensity::new(pf0)];
+            let strategy = Strategy {
+                view: PathView {
+                    light: &start,
+                    camera: &camera.densities[..j + 2],
+                    light_columns: &[],
+                    camera_columns: &camera.columns,
+                    edge,
+                    direct: probability * direct.pdf,
+                    hittable_light: self.is_hittable(Some(id)),
+                },
+                target: Target::OwnPixel,
+            };
+            let transmittance = if direct.distance.is_finite() {
+                self.context
+                    .medium(region.medium)
+                    .transmittance(direct.distance)
+            } else {
+                SampledSpectrum::ONE
+            };
+            let numerator = Self::numerator(
+                &[
+                    &vertex.throughput.lanes,
+                    &end.kernel,
+                    &direct.value,
+                    &transmittance,
+                ],
+                vertex.throughput.scale * direct.toward.dot(vertex.point.ns).abs() / probability,
+            );
+            self.finish(&numerator, &strategy, Some((&ray, region)));
+        }
     }
 
     /// (1, 1) on a detector: its point is connected straight to a light. `weight` is the camera sample's, `own` the density of x_k.
@@ -270,9 +269,9 @@ impl Joiner<'_> {
                 camera_columns: &camera.columns,
                 edge,
                 direct: probability * direct.pdf,
+                hittable_light: self.is_hittable(Some(id)),
             },
             target: Target::OwnPixel,
-            class: PathClass::new(),
         };
         let transmittance = if direct.distance.is_finite() {
             self.context

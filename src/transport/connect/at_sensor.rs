@@ -1,9 +1,8 @@
 //! Strategies that end on the sensor: light sub-paths that hit it (t = 0) or are connected to it (t = 1).
 
-use super::{Joiner, Strategy, densities, light_end_factor};
+use super::{Joiner, Strategy, light_end_factor};
 use crate::geometry::{Ray, SurfacePoint};
 use crate::light::HitMeasure;
-use crate::transport::class::PathClass;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Edge, EdgeDensity, PathView, VertexDensity};
 use crate::transport::subpath::{SensorHit, Subpath};
@@ -13,7 +12,7 @@ impl Joiner<'_> {
     /// t = 1: light vertex `i` is connected to the sensor.
     pub fn to_sensor(&mut self, light: &Subpath, i: usize, margin: f64) {
         let vertex = &light.vertices[i];
-        if !self.wants(i + 2, 1) || !vertex.bsdf.has_non_specular() {
+        if !self.wants(i + 2, 1) || !self.is_connectible(vertex) {
             return;
         }
         let u = self.numbers.next4();
@@ -36,56 +35,8 @@ impl Joiner<'_> {
             return;
         }
         self.counters.connections_tried += 1;
-        let eval = vertex.bsdf.eval(
-            vertex.frame.to_local(vertex.toward_previous),
-            vertex.frame.to_local(toward),
-        );
-        if eval.g.is_black(self.context.count()) {
-            return;
-        }
-        let (forward, backward) = densities(&eval);
         let cos = toward.dot(vertex.point.ng).abs();
         let d2 = connection.distance * connection.distance;
-        let (_, direction_density) =
-            sensor
-                .camera
-                .density(&connection.xk, -toward, self.context.time);
-        let edge = Edge {
-            light_end: EdgeDensity::uniform(direction_density.area_density(cos, d2)),
-            light_before: self.light_before(light, i, &backward),
-            camera_end: forward.scaled(self.sensor_end_factor(
-                &connection.xk,
-                toward,
-                connection.distance,
-            )),
-            ..Edge::default()
-        };
-        let end = [VertexDensity::new(connection.pdf_xk)];
-        let strategy = Strategy {
-            view: PathView {
-                light: &light.densities[..i + 2],
-                camera: &end,
-                light_columns: &light.columns,
-                camera_columns: &[],
-                edge,
-                direct: self.direct_of(light),
-            },
-            target: Target::Splat(connection.raster),
-            class: Self::class_of(Some((light, i + 1)), None, &edge),
-        };
-        let medium = self.context.medium(region.medium);
-        let numerator = Self::numerator(
-            &[
-                &vertex.throughput.lanes,
-                &eval.g,
-                &self.context.eta_squared(region.medium),
-                &medium.transmittance(connection.distance),
-            ],
-            vertex.throughput.scale
-                * connection.importance
-                * cos
-                * vertex.light_side_correction(vertex.toward_previous),
-        );
         let ray = Ray {
             t_max: connection.distance,
             end: connection.xk.surface,
@@ -96,7 +47,56 @@ impl Joiner<'_> {
                 Some(vertex.point.id),
             )
         };
-        self.finish(&numerator, &strategy, Some((&ray, region)));
+        for end in self
+            .ends(vertex, vertex.toward_previous, toward)
+            .iter()
+            .flatten()
+        {
+            let (_, direction_density) =
+                sensor
+                    .camera
+                    .density(&connection.xk, -toward, self.context.time);
+            let edge = Edge {
+                light_end: EdgeDensity::uniform(direction_density.area_density(cos, d2)),
+                light_before: self.light_before(light, i, &end.backward),
+                camera_end: end.forward.scaled(self.sensor_end_factor(
+                    &connection.xk,
+                    toward,
+                    connection.distance,
+                )),
+                light_label: end.label,
+                light_dispersive: end.dispersive,
+                length: connection.distance as f32,
+                ..Edge::default()
+            };
+            let last = [VertexDensity::new(connection.pdf_xk)];
+            let strategy = Strategy {
+                view: PathView {
+                    light: &light.densities[..i + 2],
+                    camera: &last,
+                    light_columns: &light.columns,
+                    camera_columns: &[],
+                    edge,
+                    direct: self.direct_of(light),
+                    hittable_light: self.is_hittable(light.light),
+                },
+                target: Target::Splat(connection.raster),
+            };
+            let medium = self.context.medium(region.medium);
+            let numerator = Self::numerator(
+                &[
+                    &vertex.throughput.lanes,
+                    &end.kernel,
+                    &self.context.eta_squared(region.medium),
+                    &medium.transmittance(connection.distance),
+                ],
+                vertex.throughput.scale
+                    * connection.importance
+                    * cos
+                    * vertex.light_side_correction(vertex.toward_previous),
+            );
+            self.finish(&numerator, &strategy, Some((&ray, region)));
+        }
     }
 
     /// (1, 1) of image cameras: the start of the light sub-path, on an area light, is seen directly.
@@ -168,9 +168,9 @@ impl Joiner<'_> {
                 camera_columns: &[],
                 edge,
                 direct: pf0,
+                hittable_light: true,
             },
             target: Target::Splat(connection.raster),
-            class: PathClass::new(),
         };
         let transmittance = self
             .context
@@ -228,37 +228,27 @@ impl Joiner<'_> {
                 )
             }
         };
-        let mut columns = light.columns.clone();
-        let mut end = VertexDensity::new(hit.own.hero);
-        if let Some(lanes) = hit.own.lanes {
-            end.own_column = columns.len() as u32;
-            columns.push(lanes);
-        }
         self.arrival.clear();
         self.arrival
             .extend_from_slice(&light.densities[..=hit.depth]);
-        self.arrival.push(end);
+        self.arrival.push(hit.density);
         let arrival = std::mem::take(self.arrival);
         let edge = Edge {
             light_end: EdgeDensity::uniform(pdf_xk),
             light_before: EdgeDensity::uniform(before),
             ..Edge::default()
         };
-        let mut class = PathClass::new();
-        for density in &light.densities[1..=hit.depth] {
-            class.push(density.label.is_specular());
-        }
         let strategy = Strategy {
             view: PathView {
                 light: &arrival,
                 camera: &[],
-                light_columns: &columns,
+                light_columns: &light.columns,
                 camera_columns: &[],
                 edge,
                 direct,
+                hittable_light: self.is_hittable(light.light),
             },
             target: Target::Splat(hit.raster),
-            class,
         };
         let numerator = Self::numerator(
             &[&hit.throughput.lanes],

@@ -2,11 +2,14 @@
 
 use super::super::error::Problem;
 use super::super::schema::{
-    At, HeuristicName, IntegratorName, NameOr, Render, WavelengthName, WavelengthTable, Wavelengths,
+    At, Epsilon, HeuristicName, IntegratorName, NameOr, RegularizeName, Render, SingleRuleName,
+    WavelengthName, WavelengthTable, Wavelengths,
 };
 use super::{Allowed, Checker};
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
-use crate::scene::settings::{Heuristic, IntegratorKind, Settings};
+use crate::scene::settings::{
+    Heuristic, IntegratorKind, Regularization, Regularize, Settings, SingleRule,
+};
 
 const PROBABILITY: Allowed = Allowed {
     text: "above 0, at most 1",
@@ -15,6 +18,14 @@ const PROBABILITY: Allowed = Allowed {
 const WAVELENGTH: Allowed = Allowed {
     text: "100 to 20000 nm",
     test: |v| (100.0..=20_000.0).contains(&v),
+};
+const CONE: Allowed = Allowed {
+    text: "1e-9 to pi/2 radians, or \"auto\"",
+    test: |v| (1e-9..=std::f64::consts::FRAC_PI_2).contains(&v),
+};
+const LEAST_CONE: Allowed = Allowed {
+    text: "0 to pi/2 radians",
+    test: |v| (0.0..=std::f64::consts::FRAC_PI_2).contains(&v),
 };
 /// The observer's range.
 const VISIBLE_NM: [f64; 2] = [360.0, 830.0];
@@ -57,6 +68,10 @@ impl Checker<'_> {
                 .map_or(defaults.pair_probability, |p| {
                     self.number("pair_probability", p, PROBABILITY)
                 }),
+            regularization: self.regularization(render),
+            show_point_lights: render
+                .show_point_lights
+                .unwrap_or(defaults.show_point_lights),
             ..defaults
         };
         let wavelengths = render.wavelengths.as_ref().map(|w| self.wavelengths(w));
@@ -67,6 +82,49 @@ impl Checker<'_> {
                 range_nm: VISIBLE_NM,
             }),
         )
+    }
+
+    fn regularization(&mut self, render: &Render) -> Regularization {
+        let defaults = Regularization::default();
+        Regularization {
+            mode: render.regularize.map_or(defaults.mode, |m| match m {
+                RegularizeName::Auto => Regularize::Auto,
+                RegularizeName::Off => Regularize::Off,
+                RegularizeName::Single => Regularize::Single,
+                RegularizeName::Mis => Regularize::Mis,
+            }),
+            single_rule: render
+                .single_rule
+                .map_or(defaults.single_rule, |r| match r {
+                    SingleRuleName::ShortestEdge => SingleRule::ShortestEdge,
+                    SingleRuleName::Camera => SingleRule::Camera,
+                    SingleRuleName::Light => SingleRule::Light,
+                }),
+            epsilon: render.epsilon.as_ref().and_then(|e| match e.get_ref() {
+                Epsilon::Radians(radians) => {
+                    Some(self.number_at("epsilon", *radians, &e.span(), CONE))
+                }
+                Epsilon::Name(name) => {
+                    if name != "auto" {
+                        self.error(&e.span(), Problem::unknown("value", name, ["auto"]));
+                    }
+                    None
+                }
+            }),
+            epsilon_min: render
+                .epsilon_min
+                .as_ref()
+                .map_or(defaults.epsilon_min, |v| {
+                    self.number("epsilon_min", v, LEAST_CONE)
+                }),
+            bias_weight: render
+                .bias_weight
+                .as_ref()
+                .map_or(defaults.bias_weight, |v| {
+                    self.number("bias_weight", v, PROBABILITY)
+                }),
+            bias_estimate: render.bias_estimate.unwrap_or(defaults.bias_estimate),
+        }
     }
 
     fn lanes(&mut self, lanes: &At<i64>) -> usize {

@@ -14,8 +14,8 @@ pub use optics::{
     Absorption, Coated, Conductor, Dielectric, Diffuse, Lobe, Material, Medium, Mirror, Thin,
 };
 pub use render::{
-    FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, Render, WavelengthName,
-    WavelengthTable, Wavelengths,
+    Epsilon, FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, RegularizeName,
+    Render, SingleRuleName, WavelengthName, WavelengthTable, Wavelengths,
 };
 pub use sensor::{Detector, Orthographic, Perspective, Sensor};
 pub use spectrum::{Spectrum, SpectrumTable};

@@ -2,6 +2,8 @@
 
 use super::{At, NameOr};
 use serde::Deserialize;
+use serde::de::{Deserializer, Visitor};
+use std::fmt;
 
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 pub enum LengthUnit {
@@ -42,6 +44,59 @@ pub struct Render {
     pub pair_probability: Option<At<f64>>,
     pub wavelengths: Option<At<Wavelengths>>,
     pub units: Option<OutputUnits>,
+    pub regularize: Option<RegularizeName>,
+    pub single_rule: Option<SingleRuleName>,
+    pub epsilon: Option<At<Epsilon>>,
+    pub epsilon_min: Option<At<f64>>,
+    pub bias_weight: Option<At<f64>>,
+    pub bias_estimate: Option<bool>,
+    pub show_point_lights: Option<bool>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RegularizeName {
+    Auto,
+    Off,
+    Single,
+    Mis,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SingleRuleName {
+    ShortestEdge,
+    Camera,
+    Light,
+}
+
+/// A half-aperture in radians, or a name that must be `auto`.
+#[derive(Clone, Debug)]
+pub enum Epsilon {
+    Radians(f64),
+    Name(String),
+}
+
+impl<'de> Deserialize<'de> for Epsilon {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NumberOrName;
+        impl Visitor<'_> for NumberOrName {
+            type Value = Epsilon;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an angle in radians or \"auto\"")
+            }
+            fn visit_f64<E>(self, value: f64) -> Result<Epsilon, E> {
+                Ok(Epsilon::Radians(value))
+            }
+            fn visit_i64<E>(self, value: i64) -> Result<Epsilon, E> {
+                Ok(Epsilon::Radians(value as f64))
+            }
+            fn visit_str<E>(self, name: &str) -> Result<Epsilon, E> {
+                Ok(Epsilon::Name(name.to_owned()))
+            }
+        }
+        deserializer.deserialize_any(NumberOrName)
+    }
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
