@@ -27,7 +27,7 @@ pub fn scene_text(model: &Model, kind: ModelKind, file: &str) -> String {
     for (i, camera) in cameras.iter().enumerate() {
         text += &sensor_table(camera, i, cameras.len() > 1);
     }
-    if model.lights.is_empty() && model.objects.iter().all(|o| o.emission.is_none()) {
+    if !model.lit {
         let radiance = match kind {
             ModelKind::Gltf => super::gltf::PER_NIT,
             ModelKind::Obj | ModelKind::Ply => 1.0,

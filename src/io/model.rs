@@ -70,6 +70,9 @@ pub struct Model {
     pub lights: Vec<LightDescription>,
     /// Cameras, in the world.
     pub cameras: Vec<ModelCamera>,
+    /// Whether it means to be lit by what it brings: it has lights, or its format knows no others than surfaces that
+    /// emit. (Files of glTF without lights expect surroundings, glowing parts or not.)
+    pub lit: bool,
     /// What was not understood or taken otherwise than the file may mean, one line each.
     pub notes: Vec<String>,
     /// Hash of the files it was read from.
@@ -122,6 +125,11 @@ pub fn load(path: &Path, kind: ModelKind, to_world: DAffine3) -> Result<Model, S
         ModelKind::Obj => mtl::load(path, to_world),
         ModelKind::Ply => ply::load(path).map(|mesh| mtl::plain(mesh, path, to_world)),
     }
+    .map(|mut model| {
+        let emits = model.objects.iter().any(|o| o.emission.is_some());
+        model.lit = !model.lights.is_empty() || kind == ModelKind::Obj && emits;
+        model
+    })
 }
 
 /// The bytes of a file of bounded size.
@@ -217,14 +225,24 @@ pub fn standard_camera(objects: &[ObjectDescription]) -> ModelCamera {
         })
         .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
     let (low, high) = bounds.unwrap_or((DVec3::NEG_ONE, DVec3::ONE));
-    let (center, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
+    let (center, half) = ((low + high) / 2.0, (high - low) / 2.0);
     let back = DVec3::new(0.45, 0.3, 1.0).normalize();
     let right = DVec3::Y.cross(back).normalize();
-    let distance = radius.max(f64::MIN_POSITIVE) / (FOV_RAD / 2.0).sin();
+    let up = back.cross(right);
+    // every corner of the bounds inside a picture of 4 by 3, with some room
+    let reach = 0.85 * (FOV_RAD / 2.0).tan();
+    let distance = (0..8)
+        .map(|i| {
+            let sign = |bit: u32| if i & bit == 0 { 1.0 } else { -1.0 };
+            let corner = half * DVec3::new(sign(1), sign(2), sign(4));
+            let side = corner.dot(up).abs().max(corner.dot(right).abs() * 0.75);
+            corner.dot(back) + side / reach
+        })
+        .fold(f64::MIN_POSITIVE, f64::max);
     ModelCamera {
         name: "camera".to_owned(),
         to_world: DAffine3 {
-            matrix3: DMat3::from_cols(right, back.cross(right), back),
+            matrix3: DMat3::from_cols(right, up, back),
             translation: center + back * distance,
         },
         projection: Projection::Perspective {

@@ -10,5 +10,6 @@ mod determinism;
 mod equality;
 mod harness;
 mod lanes;
+mod models;
 mod regularized;
 mod scale;

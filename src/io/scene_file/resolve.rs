@@ -513,6 +513,8 @@ impl Resolver<'_> {
     /// Adds the models, then what a scene with models but without cameras or lights needs.
     fn models(&mut self, plan: &Plan, scene: &mut SceneDescription) {
         let mut cameras = Vec::new();
+        let mut lit =
+            !scene.lights.is_empty() || scene.objects.iter().any(|o| o.emission.is_some());
         for m in &plan.models {
             let mut read = match model::load(&m.path, m.kind, m.to_world) {
                 Ok(read) => read,
@@ -524,6 +526,7 @@ impl Resolver<'_> {
             if !m.lights {
                 read.lights.clear();
             }
+            lit |= read.lit && m.lights;
             let notes = std::mem::take(&mut read.notes);
             self.notes
                 .extend(notes.into_iter().map(|n| format!("{}: {n}", m.name)));
@@ -547,7 +550,7 @@ impl Resolver<'_> {
             model::name_sensors(&mut cameras);
             scene.sensors = cameras;
         }
-        if scene.lights.is_empty() && scene.objects.iter().all(|o| o.emission.is_none()) {
+        if !lit {
             self.notes
                 .push("no light: a studio of built-in lamps is used".to_owned());
             let level = match plan.units {
