@@ -171,6 +171,12 @@ impl Mesh {
         self.triangles[prim as usize].map(vec)
     }
 
+    /// Whether its vertices have texture coordinates.
+    #[must_use]
+    pub fn has_texture_coordinates(&self) -> bool {
+        self.attributes.as_ref().is_some_and(|a| a.uvs.is_some())
+    }
+
     /// Bounds in object space.
     #[must_use]
     pub fn bounds(&self) -> (DVec3, DVec3) {

@@ -77,6 +77,12 @@ impl EnvironmentImage {
         &self.texture.image
     }
 
+    /// Memory held beside the image, in bytes.
+    #[must_use]
+    pub fn table_bytes(&self) -> usize {
+        self.texels.bytes()
+    }
+
     /// Mean luminance over the sphere.
     #[must_use]
     pub fn mean(&self) -> f64 {

@@ -102,8 +102,18 @@ fn parts() {
 #[test]
 fn gltf() {
     let dictionary: [&[u8]; 12] = [
-        b"1e999", b"-1", b"4294967296", b"99999999999999999999", b"null", b"[]", b"{}", b"\"\"", b"true", &[255; 4],
-        &[0; 4], b"KHR_materials_volume",
+        b"1e999",
+        b"-1",
+        b"4294967296",
+        b"99999999999999999999",
+        b"null",
+        b"[]",
+        b"{}",
+        b"\"\"",
+        b"true",
+        &[255; 4],
+        &[0; 4],
+        b"KHR_materials_volume",
     ];
     run(&valid_glb(), &dictionary, abbe::io::gltf::fuzz_gltf);
 }
@@ -111,7 +121,16 @@ fn gltf() {
 #[test]
 fn models_of_text() {
     let obj = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0 1 1 1\nv 0 1 0\nvt 0 0\nvn 0 0 1\no a\nusemtl m\nf 1/1/1 2/1/1 3/1/1\nf -1 -2 -3\n";
-    let dictionary: [&[u8]; 8] = [b"nan", b"-1", b"99999999999", b"1e39", b"\n", b"/", b"f 1 2 3", b"usemtl"];
+    let dictionary: [&[u8]; 8] = [
+        b"nan",
+        b"-1",
+        b"99999999999",
+        b"1e39",
+        b"\n",
+        b"/",
+        b"f 1 2 3",
+        b"usemtl",
+    ];
     run(obj, &dictionary, abbe::io::mtl::fuzz_model);
     let mtl = b"newmtl a\nKd 1 0 0\nKe 1 1 1\nKs 1 1 1\nNs 20\nNi 1.5\nd 0.5\nillum 4\nPr 0.5\nPm 1\nmap_Kd -s 1 1 1 a.png\nnorm b.png\nTr 0.2\n";
     run(mtl, &dictionary, abbe::io::mtl::fuzz_mtl);
@@ -121,8 +140,16 @@ fn models_of_text() {
 fn ply() {
     let header = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty list uchar short w\n\
                   element face 1\nproperty list uchar int vertex_indices\nend_header\n";
-    let dictionary: [&[u8]; 8] =
-        [b"-1", b"4294967295", b"property", b"list", b"double", b"\n", &[255; 4], b"nan"];
+    let dictionary: [&[u8]; 8] = [
+        b"-1",
+        b"4294967295",
+        b"property",
+        b"list",
+        b"double",
+        b"\n",
+        &[255; 4],
+        b"nan",
+    ];
     let ascii = format!("ply\nformat ascii 1.0\n{header}0 0 0 1 5\n1 0 0 0\n0 1 0 0\n3 0 1 2\n");
     run(ascii.as_bytes(), &dictionary, abbe::io::ply::fuzz_ply);
     let mut binary = format!("ply\nformat binary_little_endian 1.0\n{header}").into_bytes();
@@ -143,8 +170,19 @@ fn textures() {
     let mut writer = encoder.write_header().expect("header");
     writer.write_image_data(&data).expect("data");
     writer.finish().expect("end");
-    let dictionary: [&[u8]; 6] = [&[0; 4], &[255; 4], b"IDAT", b"PLTE", &[0xff, 0xc0], &[0xff, 0xda]];
+    let dictionary: [&[u8]; 6] = [
+        &[0; 4],
+        &[255; 4],
+        b"IDAT",
+        b"PLTE",
+        &[0xff, 0xc0],
+        &[0xff, 0xda],
+    ];
     run(&png, &dictionary, abbe::io::image_file::fuzz_image);
-    run(include_bytes!("tiny.jpg"), &dictionary, abbe::io::image_file::fuzz_image);
+    run(
+        include_bytes!("tiny.jpg"),
+        &dictionary,
+        abbe::io::image_file::fuzz_image,
+    );
     run(&valid_exr(), &dictionary, abbe::io::image_file::fuzz_image);
 }

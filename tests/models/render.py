@@ -65,7 +65,7 @@ def main(program, folder):
         for registry, package, path in MODELS:
             model = fetch(registry, package, folder) / path
             image = folder / (path.removeprefix("dist/profiles/").replace("/", "_") + ".exr")
-            command = [program, "render", model, "--spp", "48", "--set", "model.0.resolution=[400, 300]", "-o", image]
+            command = [program, "render", model, "--spp", "32", "--set", "model.0.resolution=[320, 240]", "-o", image]
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
             log.write(f"{registry} {package} {path}\n{done.stdout}\n")
             print(registry, package, path, "->", image.with_suffix(".png") if done.returncode == 0 else "FAILED")

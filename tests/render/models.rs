@@ -15,16 +15,31 @@ use std::path::Path;
 
 /// Linear sRGB of every pixel after some passes.
 fn picture(scene: &Scene, settings: &Settings, passes: u32) -> Vec<[f64; 3]> {
-    let mut render = Render::new(scene, 0, settings, full_crop(scene), &OutputRequest::default());
+    let mut render = Render::new(
+        scene,
+        0,
+        settings,
+        full_crop(scene),
+        &OutputRequest::default(),
+    );
     for pass in 0..passes {
         render.add_pass(pass);
     }
     let xyz = render.outputs().image.image(u64::from(passes));
-    xyz.as_chunks::<3>().0.iter().map(|p| xyz_to_linear_srgb(*p)).collect()
+    xyz.as_chunks::<3>()
+        .0
+        .iter()
+        .map(|p| xyz_to_linear_srgb(*p))
+        .collect()
 }
 
 /// 2 x 2: red, green above blue, white.
-const TEXELS: [[u8; 4]; 4] = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255; 4]];
+const TEXELS: [[u8; 4]; 4] = [
+    [255, 0, 0, 255],
+    [0, 255, 0, 255],
+    [0, 0, 255, 255],
+    [255; 4],
+];
 const COLORS: [[f64; 3]; 4] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0; 3]];
 
 fn assert_texels(what: &str, pixels: &[[f64; 3]], white: f64) {
@@ -52,26 +67,40 @@ fn a_known_texel_lands_on_the_known_pixel() {
     b.root.insert("cameras".into(), json!([{ "type": "orthographic", "orthographic": { "xmag": 1, "ymag": 1, "znear": 0.1, "zfar": 9 } }]));
     b.node(json!({ "camera": 0, "translation": [0, 0, 2] }));
     std::fs::write(folder.path().join("m.glb"), b.glb()).expect("file");
-    let mut encoder = png::Encoder::new(std::fs::File::create(folder.path().join("t.png")).expect("file"), 2, 2);
+    let mut encoder = png::Encoder::new(
+        std::fs::File::create(folder.path().join("t.png")).expect("file"),
+        2,
+        2,
+    );
     encoder.set_color(png::ColorType::Rgba);
-    encoder.write_header().expect("header").write_image_data(TEXELS.as_flattened()).expect("data");
+    encoder
+        .write_header()
+        .expect("header")
+        .write_image_data(TEXELS.as_flattened())
+        .expect("data");
 
     let render = "[render]\nintegrator = \"path\"\nfilter = \"box\"\n";
     let dark = "[[light]]\npoint = { position = [0, 0, 9], intensity = 1e-12 }\n";
-    let model = format!("{render}units = \"photometric\"\n[[model]]\ngltf = \"m.glb\"\nresolution = [2, 2]\n{dark}");
+    let model = format!(
+        "{render}units = \"photometric\"\n[[model]]\ngltf = \"m.glb\"\nresolution = [2, 2]\n{dark}"
+    );
     let (scene, settings) = scene_in(folder.path(), &model);
     // an emissive factor of 1 is one candela per square metre
     assert_texels("glTF", &picture(&scene, &settings, 400), 1.0 / 683.0);
 
     let sensor = "[[sensor]]\nresolution = [2, 2]\northographic = { eye = [0, 0, 2], target = [0, 0, 0], height = 2 }\n";
     let surface = |texture: &str| {
-        format!("{render}{sensor}[[object]]\nquad = {{ center = [0, 0, 0], u = [1, 0, 0], v = [0, 1, 0] }}\nemission = {{ texture = {texture} }}\n")
+        format!(
+            "{render}{sensor}[[object]]\nquad = {{ center = [0, 0, 0], u = [1, 0, 0], v = [0, 1, 0] }}\nemission = {{ texture = {texture} }}\n"
+        )
     };
     let nearest = surface("{ file = \"t.png\", filter = \"nearest\" }");
     let (scene, settings) = scene_in(folder.path(), &nearest);
     assert_texels("scene file", &picture(&scene, &settings, 400), 1.0);
     // a quarter turn carries the upper left texel to another corner, four of them back
-    let turned = surface("{ file = \"t.png\", filter = \"nearest\", rotate_deg = 360, scale = [2, 2], offset = [-0.5, -0.5], wrap = \"clamp\" }");
+    let turned = surface(
+        "{ file = \"t.png\", filter = \"nearest\", rotate_deg = 360, scale = [2, 2], offset = [-0.5, -0.5], wrap = \"clamp\" }",
+    );
     let (scene, settings) = scene_in(folder.path(), &turned);
     assert_texels("scaled", &picture(&scene, &settings, 400), 1.0);
 }
@@ -79,8 +108,28 @@ fn a_known_texel_lands_on_the_known_pixel() {
 /// A room's worth of everything: texture, bent normals, a half-open sheet, a lamp with a pattern, a tinted solid of glass.
 fn everything(roughness: f64) -> Vec<u8> {
     let mut b = Builder::default();
-    let checks = b.texture(2, 2, &[[230, 120, 60, 255], [60, 160, 220, 255], [200; 4], [90, 200, 90, 255]], false);
-    let bumps = b.texture(2, 2, &[[170, 128, 230, 255], [90, 150, 230, 255], [128, 80, 230, 255], [128, 128, 255, 255]], false);
+    let checks = b.texture(
+        2,
+        2,
+        &[
+            [230, 120, 60, 255],
+            [60, 160, 220, 255],
+            [200; 4],
+            [90, 200, 90, 255],
+        ],
+        false,
+    );
+    let bumps = b.texture(
+        2,
+        2,
+        &[
+            [170, 128, 230, 255],
+            [90, 150, 230, 255],
+            [128, 80, 230, 255],
+            [128, 128, 255, 255],
+        ],
+        false,
+    );
     let open = b.texture(2, 1, &[[200, 200, 200, 60], [200, 200, 200, 220]], false);
     let stripes = b.texture(2, 1, &[[255, 220, 180, 255], [60, 80, 255, 255]], false);
     let floor = b.material(json!({
@@ -123,8 +172,16 @@ fn room(folder: &Path, roughness: f64) -> (Scene, Settings) {
 
 fn agree(what: &str, a: &Estimate, b: &Estimate, resolution: f64) {
     let error = a.error.hypot(b.error);
-    println!("{what}: {:.5e} and {:.5e}, standard error {:.1e} of the mean", a.mean, b.mean, error / a.mean);
-    assert!(error <= resolution * a.mean, "{what}: {a:?} {b:?} do not resolve {resolution}");
+    println!(
+        "{what}: {:.5e} and {:.5e}, standard error {:.1e} of the mean",
+        a.mean,
+        b.mean,
+        error / a.mean
+    );
+    assert!(
+        error <= resolution * a.mean,
+        "{what}: {a:?} {b:?} do not resolve {resolution}"
+    );
     assert!((a.mean - b.mean).abs() < 4.5 * error, "{what}: {a:?} {b:?}");
 }
 
@@ -135,13 +192,34 @@ fn path_is_bdpt_on_a_textured_bent_and_transmissive_model() {
     assert!(scene.has_coverage && scene.materials.iter().any(|m| m.normal.is_some()));
     assert_eq!(scene.media.len(), 2);
     let off = Settings {
-        regularization: Regularization { mode: Regularize::Off, ..settings.regularization },
+        regularization: Regularization {
+            mode: Regularize::Off,
+            ..settings.regularization
+        },
         ..settings
     };
     let n = test_scale();
-    let path = measure(&scene, &with(&off, IntegratorKind::Path), 24, 60 * n, &["LDE", "LDDE"]);
-    let bdpt = measure(&scene, &with(&off, IntegratorKind::Bdpt), 24, 30 * n, &["LDE", "LDDE"]);
-    let light = measure(&scene, &with(&off, IntegratorKind::Light), 24, 60 * n, &["LDE", "LDDE"]);
+    let path = measure(
+        &scene,
+        &with(&off, IntegratorKind::Path),
+        24,
+        60 * n,
+        &["LDE", "LDDE"],
+    );
+    let bdpt = measure(
+        &scene,
+        &with(&off, IntegratorKind::Bdpt),
+        24,
+        30 * n,
+        &["LDE", "LDDE"],
+    );
+    let light = measure(
+        &scene,
+        &with(&off, IntegratorKind::Light),
+        24,
+        60 * n,
+        &["LDE", "LDDE"],
+    );
     agree("path, bdpt", &path.y, &bdpt.y, 0.004);
     agree("light, bdpt", &light.y, &bdpt.y, 0.008);
     for (i, class) in ["LDE", "LDDE"].iter().enumerate() {
@@ -155,7 +233,13 @@ fn regularized_smooth_glass_of_a_model_agrees_with_path() {
     let folder = tempfile::tempdir().expect("folder");
     let (scene, settings) = room(folder.path(), 0.0);
     let n = test_scale();
-    let path = measure(&scene, &with(&settings, IntegratorKind::Path), 24, 60 * n, &["LDE"]);
+    let path = measure(
+        &scene,
+        &with(&settings, IntegratorKind::Path),
+        24,
+        60 * n,
+        &["LDE"],
+    );
     let regularized = Settings {
         regularization: Regularization {
             mode: Regularize::Mis,
@@ -165,7 +249,13 @@ fn regularized_smooth_glass_of_a_model_agrees_with_path() {
         },
         ..settings
     };
-    let bdpt = measure(&scene, &with(&regularized, IntegratorKind::Bdpt), 24, 30 * n, &["LDE"]);
+    let bdpt = measure(
+        &scene,
+        &with(&regularized, IntegratorKind::Bdpt),
+        24,
+        30 * n,
+        &["LDE"],
+    );
     agree("path, regularized bdpt", &path.y, &bdpt.y, 0.006);
     agree("LDE", &path.classes[0], &bdpt.classes[0], 0.02);
 }

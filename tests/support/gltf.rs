@@ -21,12 +21,17 @@ impl Builder {
         let offset = self.bin.len();
         self.bin.extend(bytes);
         self.bin.resize(self.bin.len().next_multiple_of(4), 0);
-        self.views.push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len() }));
+        self.views
+            .push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len() }));
         self.views.len() - 1
     }
 
     fn floats<const N: usize>(&mut self, values: &[[f32; N]], kind: &str) -> usize {
-        let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
+        let bytes: Vec<u8> = values
+            .as_flattened()
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect();
         let view = self.view(&bytes);
         self.accessors.push(json!({ "bufferView": view, "componentType": 5126, "count": values.len(), "type": kind }));
         self.accessors.len() - 1
@@ -41,15 +46,24 @@ impl Builder {
         writer.write_image_data(rgba.as_flattened()).expect("data");
         writer.finish().expect("end");
         let view = self.view(&bytes);
-        self.images.push(json!({ "bufferView": view, "mimeType": "image/png" }));
+        self.images
+            .push(json!({ "bufferView": view, "mimeType": "image/png" }));
         let filter = if nearest { 9728 } else { 9729 };
         let n = self.images.len() - 1;
         let list = |root: &mut serde_json::Map<String, Value>, key: &str, value: Value| {
             let entry = root.entry(key).or_insert_with(|| json!([]));
             entry.as_array_mut().expect("list").push(value);
         };
-        list(&mut self.root, "samplers", json!({ "magFilter": filter, "wrapS": 33071, "wrapT": 33071 }));
-        list(&mut self.root, "textures", json!({ "source": n, "sampler": n }));
+        list(
+            &mut self.root,
+            "samplers",
+            json!({ "magFilter": filter, "wrapS": 33071, "wrapT": 33071 }),
+        );
+        list(
+            &mut self.root,
+            "textures",
+            json!({ "source": n, "sampler": n }),
+        );
         n
     }
 
@@ -77,13 +91,27 @@ impl Builder {
             .map(|i| std::array::from_fn(|k| if i >> k & 1 == 0 { low[k] } else { high[k] }))
             .collect();
         let faces: [[u16; 4]; 6] = [
-            [0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5],
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
         ];
-        let indices: Vec<u16> = faces.iter().flat_map(|f| [f[0], f[1], f[2], f[0], f[2], f[3]]).collect();
+        let indices: Vec<u16> = faces
+            .iter()
+            .flat_map(|f| [f[0], f[1], f[2], f[0], f[2], f[3]])
+            .collect();
         self.mesh(&positions, None, &indices, material);
     }
 
-    fn mesh(&mut self, positions: &[[f32; 3]], uvs: Option<&[[f32; 2]]>, indices: &[u16], material: usize) {
+    fn mesh(
+        &mut self,
+        positions: &[[f32; 3]],
+        uvs: Option<&[[f32; 2]]>,
+        indices: &[u16],
+        material: usize,
+    ) {
         let mut attributes = json!({ "POSITION": self.floats(positions, "VEC3") });
         if let Some(uvs) = uvs {
             attributes["TEXCOORD_0"] = json!(self.floats(uvs, "VEC2"));

@@ -101,6 +101,49 @@ pub struct MaterialPlan {
     pub coverage: Option<(ScalarPlan, Option<f64>)>,
 }
 
+impl MaterialPlan {
+    /// A place where it names a texture, if it does.
+    pub fn texture_at(&self) -> Option<Span> {
+        let of_scalar = |s: &ScalarPlan| match s {
+            ScalarPlan::Image { texture, .. } => Some(texture.at.clone()),
+            ScalarPlan::Constant(_) => None,
+        };
+        let of_spectrum = |s: &SpectrumPlan| match &s.source {
+            SpectrumSource::Texture(texture) => Some(texture.at.clone()),
+            _ => None,
+        };
+        let of_lobe = |lobe: &LobePlan| match lobe {
+            LobePlan::Diffuse { reflectance } | LobePlan::Mirror { reflectance } => {
+                of_spectrum(reflectance)
+            }
+            LobePlan::Coated {
+                reflectance: s,
+                alpha,
+                ..
+            }
+            | LobePlan::Conductor { tint: s, alpha, .. }
+            | LobePlan::ColoredMetal { color: s, alpha } => {
+                of_spectrum(s).or_else(|| alpha.iter().find_map(of_scalar))
+            }
+            LobePlan::Dielectric {
+                alpha,
+                reflect_tint,
+                transmit_tint,
+            } => of_spectrum(reflect_tint)
+                .or_else(|| of_spectrum(transmit_tint))
+                .or_else(|| alpha.iter().find_map(of_scalar)),
+            LobePlan::Thin { transmit_tint, .. } => of_spectrum(transmit_tint),
+        };
+        let lobes = self
+            .lobes
+            .iter()
+            .find_map(|(w, l)| of_scalar(w).or_else(|| of_lobe(l)));
+        let normal = self.normal.as_ref().map(|n| n.0.at.clone());
+        let coverage = self.coverage.as_ref().and_then(|c| of_scalar(&c.0));
+        lobes.or(normal).or(coverage)
+    }
+}
+
 /// A file of another program.
 #[derive(Clone, Debug)]
 pub struct ModelPlan {

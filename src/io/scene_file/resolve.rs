@@ -54,6 +54,11 @@ pub fn resolve(
         source,
         range_nm: plan.wavelengths.range_nm,
         images: BTreeMap::new(),
+        textured: plan
+            .materials
+            .iter()
+            .map(MaterialPlan::texture_at)
+            .collect(),
         notes: Vec::new(),
         errors: Vec::new(),
     };
@@ -71,6 +76,8 @@ struct Resolver<'a> {
     range_nm: [f64; 2],
     /// By file, encoding and whether with a pyramid; `None` where it cannot be read, which has been reported.
     images: BTreeMap<(PathBuf, bool, bool), Option<Arc<Image>>>,
+    /// A place where each material names a texture, if it does.
+    textured: Vec<Option<Span>>,
     /// What models say of themselves.
     notes: Vec<String>,
     errors: Vec<SceneFileError>,
@@ -459,6 +466,12 @@ impl Resolver<'_> {
                            through it in opposite directions)";
             self.error(at, Problem::Conflict(message.to_owned()));
         }
+        if let (Shape::Mesh(mesh), Some(at)) = (&shape, self.textured_at(plan))
+            && !mesh.has_texture_coordinates()
+        {
+            let message = "a texture on a mesh without texture coordinates";
+            self.error(&at, Problem::Conflict(message.to_owned()));
+        }
         let emission = plan.emission.as_ref().map(|(spectrum, two_sided)| {
             let (radiance, pattern) = match &spectrum.source {
                 SpectrumSource::Texture(texture) => {
@@ -562,6 +575,15 @@ impl Resolver<'_> {
                 light: model::studio(Emission::from_rgb([level; 3]), DMat3::IDENTITY),
             });
         }
+    }
+
+    /// Where the object has a texture, if it has one.
+    fn textured_at(&self, plan: &ObjectPlan) -> Option<Span> {
+        let emission = plan.emission.as_ref().map(|e| &e.0.source);
+        if let Some(SpectrumSource::Texture(texture)) = emission {
+            return Some(texture.at.clone());
+        }
+        self.textured.get(plan.material as usize).cloned().flatten()
     }
 
     fn light(&mut self, plan: &LightPlan) -> LightDescription {

@@ -227,6 +227,8 @@ impl Checker<'_> {
             SpectrumSource::Constant(v) => *v,
             SpectrumSource::Rgb(rgb) => rgb.iter().copied().fold(0.0, f64::max),
             SpectrumSource::Table(rows) => rows.iter().map(|r| r[1]).fold(0.0, f64::max),
+            // texels reach 1
+            SpectrumSource::Texture(_) => 1.0,
             // known once the library is asked
             _ => 0.0,
         } * plan.scale;
