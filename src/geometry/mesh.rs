@@ -1,21 +1,21 @@
 //! Triangle meshes: vertices in f32, intersected watertight in f64.
 //!
-//! Corners are stored per triangle, in the order of the leaves of the tree: a ray that reaches a leaf finds all it needs
-//! in one place, without a table of indices in between (traversal waits for memory more than for arithmetic). That is
-//! 36 bytes per triangle, and about 8 for the tree; indices are kept only where normals or texture coordinates need them.
+//! Corners take 36 bytes per triangle, in the order of the leaves of the tree, and the tree about 17; indices are kept
+//! only where normals or texture coordinates need them.
 
-use super::accel::Tree;
 use super::ray::LocalRay;
 use super::shape::LocalPoint;
+use super::tree::{self, Entry, Tree};
+use super::triangles::{Corners, Triangles};
 use crate::math::distribution::AliasTable;
-use crate::math::predicates::{TriangleHit, TriangleRay};
+use crate::math::predicates::{TriangleFilter, TriangleHit, TriangleRay};
 use glam::{DMat3, DVec2, DVec3};
 use std::sync::OnceLock;
 
 /// A triangle mesh with its tree.
 #[derive(Debug)]
 pub struct Mesh {
-    triangles: Vec<Corners>,
+    triangles: Triangles,
     attributes: Option<Attributes>,
     tree: Tree,
     bounds: (DVec3, DVec3),
@@ -24,9 +24,6 @@ pub struct Mesh {
     /// Triangles by area, built when the mesh is first sampled.
     area_table: OnceLock<AliasTable>,
 }
-
-/// Positions of the corners, counter-clockwise seen from outside.
-type Corners = [[f32; 3]; 3];
 
 /// What varies over a mesh besides its position.
 #[derive(Debug)]
@@ -68,8 +65,8 @@ pub enum MeshError {
         /// The positions.
         positions: usize,
     },
-    /// More triangles or vertices than 32-bit numbers can name.
-    #[error("more than 2^31 triangles or vertices")]
+    /// More triangles or vertices than a tree can name.
+    #[error("more than 2^29 triangles or vertices")]
     TooLarge,
     /// No triangle, or none with an area.
     #[error("no triangle with an area (of {given})")]
@@ -92,8 +89,7 @@ impl Mesh {
         uvs: Option<Vec<[f32; 2]>>,
         mut indices: Vec<[u32; 3]>,
     ) -> Result<Self, MeshError> {
-        let limit = 1 << 31;
-        if positions.len() > limit || indices.len() > limit {
+        if positions.len() > tree::LIMIT || indices.len() > tree::LIMIT {
             return Err(MeshError::TooLarge);
         }
         check("position", positions, positions.len())?;
@@ -124,17 +120,19 @@ impl Mesh {
             return Err(MeshError::Empty { given });
         }
         let dropped = given - indices.len();
-        let (tree, order) = Tree::build(indices.len(), |i| bounds(&corners(&indices[i])));
+        let (tree, order) = Tree::build(indices.len(), tree::LEAF_LIMIT, |i| {
+            bounds(&corners(&indices[i]))
+        });
         let indices: Vec<[u32; 3]> = order.iter().map(|&i| indices[i as usize]).collect();
-        let triangles: Vec<Corners> = indices.iter().map(corners).collect();
+        let triangles = Triangles::new(indices.iter().map(corners));
         let bounds = triangles
             .iter()
-            .map(bounds)
+            .map(|t| bounds(&t))
             .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
             .unwrap_or_default();
         let area = triangles
             .iter()
-            .map(|t| winding_normal(t).length() / 2.0)
+            .map(|t| winding_normal(&t).length() / 2.0)
             .sum();
         let attributes = (normals.is_some() || uvs.is_some()).then_some(Attributes {
             indices,
@@ -168,7 +166,7 @@ impl Mesh {
     /// The corners of triangle `prim`, counter-clockwise seen from outside.
     #[must_use]
     pub fn corners(&self, prim: u32) -> [DVec3; 3] {
-        self.triangles[prim as usize].map(vec)
+        self.triangles.get(prim).map(vec)
     }
 
     /// Whether its vertices have texture coordinates.
@@ -198,25 +196,25 @@ impl Mesh {
             12 * (a.indices.len() + normals) + 8 * uvs
         });
         let table = self.area_table.get().map_or(0, AliasTable::bytes);
-        36 * self.triangles.len() + attributes + self.tree.bytes() + table
+        self.triangles.bytes() + attributes + self.tree.bytes() + table
     }
 
     /// Whether every edge is shared by two triangles of opposite winding. Vertices count as one where their positions
     /// agree, so that seams in the normals or texture coordinates are no holes. Takes time n log n.
     #[must_use]
     pub fn is_closed(&self) -> bool {
-        let corners = self.triangles.as_flattened();
+        let count = 3 * self.triangles.len();
         // Adding 0 turns -0 into 0.
-        let key = |v: u32| corners[v as usize].map(|x| (x + 0.0).to_bits());
-        let mut by_position: Vec<u32> = (0..corners.len() as u32).collect();
+        let key = |v: u32| self.triangles.get(v / 3)[v as usize % 3].map(|x| (x + 0.0).to_bits());
+        let mut by_position: Vec<u32> = (0..count as u32).collect();
         by_position.sort_unstable_by_key(|&v| key(v));
-        let mut welded = vec![0u32; corners.len()];
+        let mut welded = vec![0u32; count];
         for pair in by_position.windows(2) {
             let step = u32::from(key(pair[0]) != key(pair[1]));
             welded[pair[1] as usize] = welded[pair[0] as usize] + step;
         }
         // Each edge from its lower to its higher vertex, then its sense: closed means +, - in turn.
-        let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * self.triangles.len());
+        let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(count);
         for w in welded.as_chunks::<3>().0 {
             for (a, b) in [(w[0], w[1]), (w[1], w[2]), (w[2], w[0])] {
                 edges.push((a.min(b), a.max(b), a < b));
@@ -234,15 +232,29 @@ impl Mesh {
         self.bounds.0.abs().max(self.bounds.1.abs()).max_element()
     }
 
+    /// What tests of triangles need to know of a ray that enters the tree.
+    #[inline(always)]
+    fn prepare(&self, ray: &LocalRay, entry: &Entry) -> (TriangleRay, TriangleFilter) {
+        let tri = TriangleRay::new(ray.o, ray.d);
+        let filter = TriangleFilter::new(&tri, ray.at(entry.t), self.extent());
+        (tri, filter)
+    }
+
     /// The hit of triangle `prim`, if it counts.
     #[inline(always)]
-    fn hit(&self, ray: &LocalRay, tri: &TriangleRay, prim: u32, t_max: f64) -> Option<TriangleHit> {
-        let corners = &self.triangles[prim as usize];
-        let hit = tri.intersect(corners, t_max)?;
-        if ray.start == Some(prim) || ray.end == Some(prim) {
+    fn hit(
+        &self,
+        ray: &LocalRay,
+        (tri, filter): &(TriangleRay, TriangleFilter),
+        prim: u32,
+        t_max: f64,
+    ) -> Option<TriangleHit> {
+        if !self.triangles.pass(filter, prim) || ray.start == Some(prim) || ray.end == Some(prim) {
             return None;
         }
-        let n = winding_normal(corners);
+        let corners = self.triangles.get(prim);
+        let hit = tri.intersect(&corners, t_max)?;
+        let n = winding_normal(&corners);
         ray.counts(hit.t, hit.d_dot_normal / n.length())
             .then_some(hit)
     }
@@ -250,14 +262,21 @@ impl Mesh {
     /// The closest hit: parameter, triangle and barycentric weights of its second and third vertex.
     #[inline]
     pub(super) fn closest(&self, ray: &LocalRay) -> Option<(f64, u32, DVec2)> {
-        let tri = TriangleRay::new(ray.o, ray.d);
+        let entry = self.tree.enter(ray.o, ray.d, ray.t_max)?;
+        let prepared = self.prepare(ray, &entry);
         let mut best = None;
         let mut t_best = ray.t_max;
-        self.tree.closest(ray.o, ray.d, ray.t_max, |prim| {
-            let hit = self.hit(ray, &tri, prim, t_best)?;
-            t_best = hit.t;
-            best = Some((hit.t, prim, DVec2::from(hit.weights)));
-            Some(hit.t)
+        let fetch = |prim| self.triangles.fetch(prim);
+        self.tree.closest(entry, fetch, |prims| {
+            let mut nearer = None;
+            for prim in prims {
+                if let Some(hit) = self.hit(ray, &prepared, prim, t_best) {
+                    t_best = hit.t;
+                    best = Some((hit.t, prim, DVec2::from(hit.weights)));
+                    nearer = Some(hit.t);
+                }
+            }
+            nearer
         });
         best
     }
@@ -265,15 +284,19 @@ impl Mesh {
     /// Whether any triangle is hit.
     #[inline]
     pub(super) fn occluded(&self, ray: &LocalRay) -> bool {
-        let tri = TriangleRay::new(ray.o, ray.d);
-        self.tree.any(ray.o, ray.d, ray.t_max, |prim| {
-            self.hit(ray, &tri, prim, ray.t_max).is_some()
+        let Some(entry) = self.tree.enter(ray.o, ray.d, ray.t_max) else {
+            return false;
+        };
+        let prepared = self.prepare(ray, &entry);
+        let fetch = |prim| self.triangles.fetch(prim);
+        self.tree.any(entry, fetch, |mut prims| {
+            prims.any(|prim| self.hit(ray, &prepared, prim, ray.t_max).is_some())
         })
     }
 
     /// The point of triangle `prim` with barycentric `weights` of its second and third vertex.
     pub(super) fn local_point(&self, prim: u32, weights: DVec2) -> LocalPoint {
-        let corners = &self.triangles[prim as usize];
+        let corners = self.triangles.get(prim);
         let [a, b, c] = corners.map(vec);
         let blend = [1.0 - weights.x - weights.y, weights.x, weights.y];
         let (mut ns, mut uv) = (None, weights);
@@ -291,7 +314,7 @@ impl Mesh {
         let p = a + (b - a) * weights.x + (c - a) * weights.y;
         LocalPoint {
             p,
-            ng: winding_normal(corners).normalize(),
+            ng: winding_normal(&corners).normalize(),
             ns,
             uv,
             prim,
@@ -334,7 +357,7 @@ impl Mesh {
             let areas: Vec<f64> = self
                 .triangles
                 .iter()
-                .map(|t| winding_normal(t).length())
+                .map(|t| winding_normal(&t).length())
                 .collect();
             AliasTable::new(&areas).expect("invariant: every triangle has a finite, positive area")
         });
@@ -345,7 +368,7 @@ impl Mesh {
 
     /// Area after the linear map `m`.
     pub(super) fn mapped_area(&self, m: DMat3) -> f64 {
-        let area = |t: &Corners| {
+        let area = |t: Corners| {
             let [a, b, c] = t.map(|p| m * vec(p));
             (b - a).cross(c - a).length() / 2.0
         };

@@ -12,6 +12,9 @@ pub mod mesh;
 pub mod motion;
 pub mod ray;
 pub mod shape;
+mod tree;
+mod tree_build;
+mod triangles;
 
 pub use accel::Accel;
 pub use endpoint::{DirectionalDensity, EndPoint};

@@ -5,11 +5,14 @@
 
 use crate::geometry::{Mesh, MeshError};
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Largest file read, in bytes (some 40 million triangles).
 const MAX_BYTES: u64 = 2 << 30;
+
+/// Faces handed to tobj at a time: it keeps a hundred bytes for each until their group ends.
+const GROUP_FACES: usize = 1 << 15;
 
 /// Why an OBJ file was not read. Every message starts with the file.
 #[derive(Debug, thiserror::Error)]
@@ -90,11 +93,15 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Mesh, ObjError> {
         ignore_lines: true,
     };
     let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, _) =
-        tobj::load_obj_buf(reader, &options, no_materials).map_err(|source| ObjError::Syntax {
-            path: path.to_owned(),
-            source,
-        })?;
+    let (models, _) = tobj::load_obj_buf(
+        &mut BufReader::new(Grouped::new(reader)),
+        &options,
+        no_materials,
+    )
+    .map_err(|source| ObjError::Syntax {
+        path: path.to_owned(),
+        source,
+    })?;
     let mut all = Arrays {
         normals: Some(Vec::new()),
         uvs: Some(Vec::new()),
@@ -114,6 +121,45 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Mesh, ObjError> {
             source,
         }
     })
+}
+
+/// OBJ text with a group started every [`GROUP_FACES`] faces.
+struct Grouped<R> {
+    reader: R,
+    line: Vec<u8>,
+    /// How much of the line was handed out.
+    at: usize,
+    faces: usize,
+}
+
+impl<R> Grouped<R> {
+    fn new(reader: R) -> Self {
+        let line = Vec::new();
+        Self {
+            reader,
+            line,
+            at: 0,
+            faces: 0,
+        }
+    }
+}
+
+impl<R: BufRead> Read for Grouped<R> {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        if self.at == self.line.len() {
+            self.line.clear();
+            self.at = 0;
+            self.reader.read_until(b'\n', &mut self.line)?;
+            self.faces += usize::from(self.line.starts_with(b"f"));
+            if self.faces == GROUP_FACES && self.line.ends_with(b"\n") {
+                self.line.extend(b"g\n");
+                self.faces = 0;
+            }
+        }
+        let read = (&self.line[self.at..]).read(out)?;
+        self.at += read;
+        Ok(read)
+    }
 }
 
 /// The vertices and faces of all objects read so far.

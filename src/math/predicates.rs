@@ -4,7 +4,7 @@
 //! every vertex is sheared along the ray by arithmetic that depends on the vertex alone, and an edge function is exactly
 //! antisymmetric in its two ends, so that triangles which share an edge or a vertex leave no gap.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, Vec4, Vec4Swizzles};
 
 /// How many units of rounding (2^-52 of the largest coordinate involved) a point on a surface may be off: one transform
 /// to the world, one back, and the arithmetic that placed the point, with room to spare.
@@ -109,6 +109,58 @@ impl TriangleRay {
             weights: [v * inv, w * inv],
             d_dot_normal: det.abs() * self.d_longest,
         })
+    }
+}
+
+/// Rejects triangles in f32 that [`TriangleRay::intersect`] would reject, most of them at a fraction of the cost.
+///
+/// Let R bound the coordinates of the corners and of the start, and u = 2^-24. The start errs by uR once rounded,
+/// differences are below 2R and sheared coordinates below 4R, so these err by 2uR (start) + 12uR (their own
+/// rounding) at most; [`TriangleFilter::new`] takes E = 20uR and the f64 rounding of the far origin. An edge function
+/// x y' - y x' then errs by E (|x| + |y'| + |y| + |x'|) + 6E^2 and its own rounding, u (|x y'| + |y x'|) x 2, together below
+/// 2E (|x| + |y'| + |y| + |x'|) + 16E^2. What overflows is not rejected; what may underflow is covered by `tiny`.
+#[derive(Clone, Copy, Debug)]
+pub struct TriangleFilter {
+    axes: [usize; 3],
+    origin: [f32; 3],
+    shear: [f32; 2],
+    error: f32,
+}
+
+impl TriangleFilter {
+    /// The filter for `ray`, whose line passes through `start`; no coordinate of `start` or of a triangle exceeds
+    /// `extent`.
+    #[must_use]
+    #[inline(always)]
+    pub fn new(ray: &TriangleRay, start: DVec3, extent: f64) -> Self {
+        let far = ray.origin.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let error = 20.0 / f64::from(1 << 24) * extent + 16.0 * f64::EPSILON * far;
+        let [x, y, z] = ray.axes;
+        Self {
+            axes: ray.axes,
+            origin: [start[x] as f32, start[y] as f32, start[z] as f32],
+            shear: [ray.shear[0] as f32, ray.shear[1] as f32],
+            error: error as f32,
+        }
+    }
+
+    /// Whether the ray may hit a triangle; `row` gives the coordinates of its three corners on an axis (and anything).
+    #[must_use]
+    #[inline(always)]
+    pub fn passes(&self, row: impl Fn(usize) -> Vec4) -> bool {
+        let from_start = |i: usize| row(self.axes[i]) - Vec4::splat(self.origin[i]);
+        let z = from_start(2);
+        let x = from_start(0) - Vec4::splat(self.shear[0]) * z;
+        let y = from_start(1) - Vec4::splat(self.shear[1]) * z;
+        let edges = x * y.yzxw() - y * x.yzxw();
+        let sizes = x.abs() + y.abs();
+        let tiny = 2f32.powi(-120);
+        let squared = Vec4::splat(16.0 * self.error * self.error + tiny);
+        let error = (sizes + sizes.yzxw()) * Vec4::splat(2.0 * self.error) + squared;
+        let corners = 0b111;
+        let left = edges.cmplt(-error).bitmask() & corners;
+        let right = edges.cmpgt(error).bitmask() & corners;
+        left == 0 || right == 0
     }
 }
 

@@ -254,6 +254,26 @@ impl PathView<'_> {
         }
     }
 
+    /// Whether any vertex is specular.
+    #[must_use]
+    pub fn has_specular(&self) -> bool {
+        let inner = |path: &[VertexDensity]| {
+            let joined = path.len().saturating_sub(1);
+            path[..joined].iter().any(|v| v.label.is_specular())
+        };
+        if self.light.is_empty() || self.camera.is_empty() {
+            return self
+                .light
+                .iter()
+                .chain(self.camera)
+                .any(|v| v.label.is_specular());
+        }
+        self.edge.light_label.is_specular()
+            || self.edge.camera_label.is_specular()
+            || inner(self.light)
+            || inner(self.camera)
+    }
+
     /// Number of dispersive vertices.
     #[must_use]
     pub fn dispersive_count(&self) -> usize {

@@ -54,6 +54,8 @@ pub struct Multipliers<'a> {
     path: &'a PathView<'a>,
     techniques: &'a Techniques<'a>,
     admitted: Admitted,
+    /// Some vertex is specular; without one there is little to ask.
+    has_specular: bool,
     /// β: 1 where no unbiased strategy makes the path.
     beta: f64,
 }
@@ -66,9 +68,10 @@ impl<'a> Multipliers<'a> {
             path,
             techniques,
             admitted: Admitted::All,
+            has_specular: path.has_specular(),
             beta: 1.0,
         };
-        if techniques.cone.is_none() {
+        if techniques.cone.is_none() || !out.has_specular {
             return out;
         }
         if let Some(rule) = techniques.single {
@@ -86,7 +89,7 @@ impl<'a> Multipliers<'a> {
     /// N_r(s): specular ends of strategy `s`.
     #[must_use]
     pub fn regularized(&self, s: usize) -> i32 {
-        if s == 0 || s == self.path.len() {
+        if !self.has_specular || s == 0 || s == self.path.len() {
             return 0;
         }
         i32::from(self.path.is_specular(s - 1)) + i32::from(self.path.is_specular(s))
@@ -230,7 +233,11 @@ pub fn denominator(multipliers: &Multipliers, wavelengths: &SampledWavelengths) 
         Heuristic::Balance => v,
         Heuristic::Power2 => v * v,
     };
-    let dispersive = path.dispersive_count();
+    let dispersive = if multipliers.has_specular {
+        path.dispersive_count()
+    } else {
+        0
+    };
     let preference = multipliers.preference(path.s());
     let mut out = Denominator {
         numerator: match heuristic {

@@ -50,6 +50,7 @@ impl<'a> Techniques<'a> {
     /// Strategy (1, 1) is a direct connection from the sensor to a light where the sensor is a detector; image cameras splat
     /// the start of a light sub-path. Pairs with a specular end are always tried, since their cones reject nearly all of them.
     #[must_use]
+    #[inline]
     pub fn samples(&self, s: usize, t: usize, regularized: bool) -> f64 {
         if !self.disabled.is_empty() && self.disabled.contains(&(s as u32, t as u32)) {
             return 0.0;

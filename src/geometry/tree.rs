@@ -1,0 +1,332 @@
+//! One level of the tree: a wide tree of boxes that culls for f64 rays at any scale.
+//!
+//! obvhs builds a binary tree (parallel locally-ordered clustering, Meister and Bittner, TVCG 2018, and reinsertion); its
+//! inner nodes are merged, at least expected cost, into nodes of eight (the dynamic program of Ylitie, Karras and
+//! Laine, HPG 2017). Nodes keep their boxes in f32, plane by plane, so that four are tested at a time.
+//!
+//! Invariant: boxes only ever cull, and never what a ray touches. They live in a frame in which the tree fills -1..1; a
+//! ray is advanced in f64 to the bounds before it is rounded, so that every length in the frame is below 4. With
+//! u = 2^-24, a computed plane then errs by u (box) + u (origin) + 2u (direction) + 6u (the test) = 6e-7 at most, and
+//! boxes are padded by more.
+
+use super::tree_build;
+use glam::{DVec3, Vec3, Vec3A, Vec4};
+use prefetch_index::prefetch_index;
+use std::ops::Range;
+
+/// Added to boxes in the frame of the tree, which has coordinates up to 1; the bounds take twice that.
+const PADDING: f64 = 1e-6;
+/// Components of directions (of which the longest is 1) below this are as good as zero.
+const LEAST: f32 = 1e-12;
+/// Children of a node.
+pub(super) const WIDTH: usize = 8;
+/// Most boxes in a tree, and in one of its leaves.
+pub(super) const LIMIT: usize = 1 << 29;
+pub(super) const LEAF_LIMIT: usize = 4;
+/// Pending children that need no allocation; the tree over a million triangles has at most 60.
+const STACK: usize = 96;
+
+/// Eight boxes and what they hold. Unused ones are inside out, and never hit.
+#[derive(Clone, Debug)]
+#[repr(align(64))]
+pub(super) struct Node {
+    /// Low and high planes on each axis.
+    planes: [[[Vec4; 2]; 2]; 3],
+    pub children: [Child; WIDTH],
+}
+
+/// The index of a node, or a run of boxes in the order of the tree.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Child(u32);
+
+impl Child {
+    const LEAF: u32 = 1 << 31;
+    /// Used where there is no child.
+    pub const NONE: Self = Self(u32::MAX);
+
+    pub fn node(index: usize) -> Self {
+        Self(index as u32)
+    }
+
+    /// `count` boxes (1..=4) from `first` (< 2^29).
+    pub fn leaf(first: usize, count: usize) -> Self {
+        Self(Self::LEAF | ((count - 1) as u32) << 29 | first as u32)
+    }
+
+    #[inline(always)]
+    fn prims(self) -> Option<Range<u32>> {
+        let first = self.0 & (LIMIT as u32 - 1);
+        (self.0 >= Self::LEAF).then(|| first..first + (self.0 >> 29 & 3) + 1)
+    }
+}
+
+/// A tree of boxes, in the space of the boxes given.
+#[derive(Debug)]
+pub(super) struct Tree {
+    nodes: Vec<Node>,
+    /// Pending nodes a traversal may have.
+    pending: usize,
+    /// Middle of the bounds and 1 / the largest half side: the map to the frame of the tree.
+    center: DVec3,
+    inv_scale: f64,
+    /// Padded bounds are `-reach..reach` in the frame of the tree.
+    reach: DVec3,
+}
+
+/// A ray in the frame of a tree, from where it reaches the bounds.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Entry {
+    /// Where the ray reaches the bounds.
+    pub t: f64,
+    origin: Vec3,
+    inv_direction: Vec3,
+    /// Whether the direction is negative.
+    negative: [bool; 3],
+    /// Length in the frame per unit of `t`, along the longest axis.
+    rate: f64,
+    /// Nearest hit so far, as a length in the frame.
+    limit: f32,
+}
+
+impl Entry {
+    /// The length in the frame that belongs to `t`, rounded up far enough that nothing nearer is culled.
+    #[inline(always)]
+    fn length(&self, t: f64) -> f32 {
+        ((t - self.t).max(0.0) * self.rate * (1.0 + 1e-6) + 2.0 * PADDING) as f32
+    }
+}
+
+impl Tree {
+    /// The tree over `count` boxes (1..2^29), at most `leaf_size` (1..=4) to a leaf, and the order in which its queries
+    /// number them: the i-th is box `order[i]`.
+    pub fn build(
+        count: usize,
+        leaf_size: usize,
+        bounds: impl Fn(usize) -> (DVec3, DVec3),
+    ) -> (Self, Vec<u32>) {
+        let (low, high) = (0..count)
+            .map(&bounds)
+            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+            .unwrap_or_default();
+        let center = low + (high - low) / 2.0;
+        let half = (high - low) / 2.0;
+        let largest = half.max_element();
+        let inv_scale = if largest > 0.0 { 1.0 / largest } else { 1.0 };
+        let frame = |p: DVec3| (p - center) * inv_scale;
+        let padded = |i: usize| {
+            // Unequal padding tells coincident boxes apart, of which the builder would pair one at a time.
+            let pad = PADDING * (1.0 + (i as f64 * 0.618_033_988_749_894_9).fract());
+            let (low, high) = bounds(i);
+            let (low, high) = (frame(low) - pad, frame(high) + pad);
+            (low.as_vec3a(), high.as_vec3a())
+        };
+        let (nodes, order) = tree_build::build(count, leaf_size, padded);
+        let tree = Self {
+            pending: pending(&nodes),
+            nodes,
+            center,
+            inv_scale,
+            reach: half * inv_scale + PADDING * 2.0,
+        };
+        (tree, order)
+    }
+
+    /// Memory held, in bytes.
+    pub fn bytes(&self) -> usize {
+        std::mem::size_of_val(self.nodes.as_slice())
+    }
+
+    /// The ray in the frame of the tree, from where it enters the bounds; `None` if it misses them.
+    #[inline]
+    pub fn enter(&self, o: DVec3, d: DVec3, t_max: f64) -> Option<Entry> {
+        let o = (o - self.center) * self.inv_scale;
+        let d = d * self.inv_scale;
+        let inv = 1.0 / d;
+        let (a, b) = ((-self.reach - o) * inv, (self.reach - o) * inv);
+        // 0 / 0 is no limit: min and max pass over it.
+        let (mut t0, mut t1) = (0.0f64, t_max);
+        for axis in 0..3 {
+            t0 = t0.max(a[axis].min(b[axis]));
+            t1 = t1.min(a[axis].max(b[axis]));
+        }
+        if t0 > t1 {
+            return None;
+        }
+        let rate = d.abs().max_element();
+        let direction = (d / rate).as_vec3();
+        let least = Vec3::splat(LEAST).copysign(direction);
+        let guarded = Vec3::select(direction.abs().cmplt(Vec3::splat(LEAST)), least, direction);
+        let mut entry = Entry {
+            t: t0,
+            origin: (o + d * t0).as_vec3(),
+            inv_direction: guarded.recip(),
+            negative: guarded.to_array().map(|x| x < 0.0),
+            rate,
+            limit: f32::INFINITY,
+        };
+        entry.limit = entry.length(t_max);
+        Some(entry)
+    }
+
+    /// Visits runs of boxes that may be hit, roughly from near to far; `hit` returns the parameter of a new closest hit,
+    /// `fetch` learns early where runs start.
+    #[inline]
+    pub fn closest(
+        &self,
+        entry: Entry,
+        fetch: impl Fn(u32),
+        mut hit: impl FnMut(Range<u32>) -> Option<f64>,
+    ) {
+        self.traverse(&entry, fetch, |prims| {
+            hit(prims).map_or(f32::INFINITY, |t| entry.length(t))
+        });
+    }
+
+    /// Whether `hit` holds for any run of boxes that may be hit.
+    #[inline]
+    pub fn any(
+        &self,
+        entry: Entry,
+        fetch: impl Fn(u32),
+        mut hit: impl FnMut(Range<u32>) -> bool,
+    ) -> bool {
+        let mut found = false;
+        self.traverse(&entry, fetch, |prims| {
+            found = hit(prims);
+            // Nothing is nearer than that: the search ends.
+            if found {
+                f32::NEG_INFINITY
+            } else {
+                f32::INFINITY
+            }
+        });
+        found
+    }
+
+    /// Visits runs of boxes; `leaf` returns the length beyond which nothing matters any more.
+    #[inline(always)]
+    fn traverse(
+        &self,
+        entry: &Entry,
+        fetch: impl Fn(u32),
+        mut leaf: impl FnMut(Range<u32>) -> f32,
+    ) {
+        // What is still to be visited, nearest last: distance in the upper half (positive floats sort like their bits),
+        // child in the lower.
+        let (mut few, mut many) = ([0u64; STACK], Vec::new());
+        let pending = if self.pending <= STACK {
+            few.as_mut_slice()
+        } else {
+            many.resize(self.pending, 0);
+            many.as_mut_slice()
+        };
+        let mut limit = entry.limit;
+        let mut len = 0;
+        let mut child = Child::node(0);
+        loop {
+            if let Some(prims) = child.prims() {
+                limit = limit.min(leaf(prims));
+            } else {
+                let node = &self.nodes[child.0 as usize];
+                let (mut hits, near) = node.hits(entry, limit);
+                let first = len;
+                while hits != 0 {
+                    let i = hits.trailing_zeros() as usize % WIDTH;
+                    hits &= hits - 1;
+                    let child = node.children[i];
+                    self.fetch(child, &fetch);
+                    let key = u64::from(near[i].to_bits()) << 32 | u64::from(child.0);
+                    let mut at = len;
+                    while at > first && pending[at - 1] < key {
+                        pending[at] = pending[at - 1];
+                        at -= 1;
+                    }
+                    pending[at] = key;
+                    len += 1;
+                }
+            }
+            child = loop {
+                if len == 0 {
+                    return;
+                }
+                len -= 1;
+                let next = pending[len];
+                if f32::from_bits((next >> 32) as u32) <= limit {
+                    break Child(next as u32);
+                }
+            };
+        }
+    }
+
+    /// Has the memory of a child fetched that will likely be visited, while nearer ones are: a walk through a large tree
+    /// is a chain of cache misses.
+    #[inline(always)]
+    fn fetch(&self, child: Child, leaf: impl Fn(u32)) {
+        match child.prims() {
+            Some(prims) => leaf(prims.start),
+            None => {
+                let node = &self.nodes[child.0 as usize];
+                // One line of 64 bytes each.
+                for axis in 0..3 {
+                    prefetch_index(&node.planes, axis);
+                }
+                prefetch_index(&node.children, 0);
+            }
+        }
+    }
+}
+
+impl Node {
+    /// A node without children.
+    pub const EMPTY: Self = Self {
+        planes: [[[Vec4::INFINITY; 2], [Vec4::NEG_INFINITY; 2]]; 3],
+        children: [Child::NONE; WIDTH],
+    };
+
+    /// Sets the box of the child in `slot`.
+    pub fn set_box(&mut self, slot: usize, low: Vec3A, high: Vec3A) {
+        for axis in 0..3 {
+            self.planes[axis][0][slot / 4][slot % 4] = low[axis];
+            self.planes[axis][1][slot / 4][slot % 4] = high[axis];
+        }
+    }
+
+    /// The boxes entered before `limit`, as bits, and where.
+    #[inline(always)]
+    fn hits(&self, entry: &Entry, limit: f32) -> (u32, [f32; WIDTH]) {
+        let (o, inv) = (entry.origin, entry.inv_direction);
+        let (mut hits, mut near) = (0, [0.0; WIDTH]);
+        for half in 0..2 {
+            let plane = |axis: usize, high: bool| {
+                let plane = self.planes[axis][usize::from(high)][half];
+                (plane - Vec4::splat(o[axis])) * Vec4::splat(inv[axis])
+            };
+            let [x, y, z] = entry.negative;
+            let enter = plane(0, x)
+                .max(plane(1, y))
+                .max(plane(2, z).max(Vec4::ZERO));
+            let leave = plane(0, !x)
+                .min(plane(1, !y))
+                .min(plane(2, !z).min(Vec4::splat(limit)));
+            hits |= enter.cmple(leave).bitmask() << (4 * half);
+            near[4 * half..4 * half + 4].copy_from_slice(&enter.to_array());
+        }
+        (hits, near)
+    }
+}
+
+/// Most children pending at a time; children follow their parents.
+fn pending(nodes: &[Node]) -> usize {
+    let mut most = vec![0u32; nodes.len()];
+    for (i, node) in nodes.iter().enumerate().rev() {
+        let (mut count, mut below) = (0u32, 0);
+        for child in node.children.iter().filter(|c| c.0 != Child::NONE.0) {
+            count += 1;
+            if child.0 < Child::LEAF {
+                below = below.max(most[child.0 as usize]);
+            }
+        }
+        most[i] = count.max(count.saturating_sub(1) + below);
+    }
+    most.first().map_or(0, |&n| n as usize)
+}

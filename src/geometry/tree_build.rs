@@ -1,0 +1,159 @@
+//! Building the nodes of a [`super::tree::Tree`] with obvhs.
+//!
+//! The binary tree is the largest thing that building a scene holds, so no boxes are kept beside it, and what serves
+//! one step only is dropped before the next.
+
+use super::tree::{Child, Node, WIDTH};
+use glam::Vec3A;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::leaf_collapser::collapse;
+use obvhs::bvh2::node::Bvh2Node;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::{PlocBuilder, SortPrecision};
+
+/// Neighbors on each side among which a box looks for its partner.
+const SEARCH: usize = 14;
+/// Passes in which it looks at the next one only.
+const SHORT_PASSES: usize = 3;
+/// Fractions of the nodes that are tried elsewhere, before and after boxes are gathered in leaves.
+const REINSERTED: [f32; 2] = [0.05, 0.1];
+/// What visiting a node of the binary tree costs, in tests of a box's content, where boxes are gathered in leaves.
+const BINARY_COST: f32 = 3.0;
+/// What a test of a box's content costs, in visits of a wide node.
+const TEST_COST: f32 = 0.3;
+
+/// Nodes, parents before children, and the order of the boxes in their leaves.
+pub(super) fn build(
+    count: usize,
+    leaf_size: usize,
+    bounds: impl Fn(usize) -> (Vec3A, Vec3A),
+) -> (Vec<Node>, Vec<u32>) {
+    let binary = binary_tree(count, leaf_size, bounds);
+    let costs = costs(&binary.nodes);
+    let mut nodes: Vec<Node> = Vec::new();
+    let mut order = Vec::with_capacity(count);
+    // Depth first, so that a subtree lies together in memory.
+    let mut todo = vec![(0, None)];
+    while let Some((root, parent)) = todo.pop() {
+        let index = nodes.len();
+        if let Some((parent, slot)) = parent {
+            let parent: &mut Node = &mut nodes[parent];
+            parent.children[slot] = Child::node(index);
+        }
+        let mut members = Vec::with_capacity(WIDTH);
+        cut(&binary.nodes, &costs, root, WIDTH, true, &mut members);
+        let mut node = Node::EMPTY;
+        for (slot, &member) in members.iter().enumerate() {
+            let member = &binary.nodes[member];
+            node.set_box(slot, member.min.into(), member.max.into());
+            if member.is_leaf() {
+                let (first, len) = (member.first_index as usize, member.prim_count as usize);
+                node.children[slot] = Child::leaf(order.len(), len);
+                order.extend_from_slice(&binary.primitive_indices[first..first + len]);
+            }
+        }
+        nodes.push(node);
+        let inner = members.iter().enumerate().rev();
+        todo.extend(
+            inner
+                .filter(|&(_, &member)| !binary.nodes[member].is_leaf())
+                .map(|(slot, &member)| (member, Some((index, slot)))),
+        );
+    }
+    nodes.shrink_to_fit();
+    (nodes, order)
+}
+
+fn binary_tree(count: usize, leaf_size: usize, bounds: impl Fn(usize) -> (Vec3A, Vec3A)) -> Bvh2 {
+    let mut tree = Bvh2::zeroed(count);
+    tree.primitive_indices = (0..count as u32).collect();
+    let mut total = Aabb::empty();
+    let mut builder = PlocBuilder::new();
+    builder.current_nodes = (0..count)
+        .map(|i| {
+            let (low, high) = bounds(i);
+            let bounds = Aabb::new(low, high);
+            total = total.union(&bounds);
+            Bvh2Node::new(bounds, 1, i as u32)
+        })
+        .collect();
+    builder.build_ploc_from_leaves::<SEARCH, false>(
+        &mut tree,
+        total,
+        SortPrecision::U64,
+        SHORT_PASSES,
+    );
+    drop(builder);
+    let [before, after] = REINSERTED;
+    ReinsertionOptimizer::default().run(&mut tree, before, None);
+    if leaf_size > 1 {
+        collapse(&mut tree, leaf_size as u32, BINARY_COST);
+        ReinsertionOptimizer::default().run(&mut tree, after, None);
+    }
+    tree
+}
+
+/// For each node, the least expected cost of its subtree as at most 1..=8 children of a wide node: of all visits below
+/// and of all tests in leaves, in proportion to the areas of the boxes.
+fn costs(nodes: &[Bvh2Node]) -> Vec<[f32; WIDTH]> {
+    let mut parents_first = vec![0u32];
+    let mut at = 0;
+    while let Some(&node) = parents_first.get(at) {
+        let node = &nodes[node as usize];
+        if !node.is_leaf() {
+            parents_first.extend([node.first_index, node.first_index + 1]);
+        }
+        at += 1;
+    }
+    let mut costs = vec![[0.0; WIDTH]; nodes.len()];
+    for &index in parents_first.iter().rev() {
+        let node = &nodes[index as usize];
+        let area = node.aabb().half_area();
+        costs[index as usize] = if node.is_leaf() {
+            [area * node.prim_count as f32 * TEST_COST; WIDTH]
+        } else {
+            let mut best = [f32::INFINITY; WIDTH];
+            for parts in 2..=WIDTH {
+                let (_, cost) = split(&costs, node, parts);
+                best[parts - 1] = cost.min(best[parts - 2]);
+            }
+            best[0] = best[WIDTH - 1] + area;
+            best.map(|cost| cost.min(best[0]))
+        };
+    }
+    costs
+}
+
+/// How many of `parts` (at least 2) the first child of `node` gets at least cost, and that cost.
+fn split(costs: &[[f32; WIDTH]], node: &Bvh2Node, parts: usize) -> (usize, f32) {
+    let first = node.first_index as usize;
+    let (a, b) = (&costs[first], &costs[first + 1]);
+    let cost = |k: usize| a[k - 1] + b[parts - k - 1];
+    (1..parts)
+        .map(|k| (k, cost(k)))
+        .reduce(|x, y| if y.1 < x.1 { y } else { x })
+        .unwrap_or((1, f32::INFINITY))
+}
+
+/// Cuts the subtree of `index` into at most `parts` children of a wide node, as [`costs`] found best; the root of a
+/// wide node (`open`) is cut in any case.
+fn cut(
+    nodes: &[Bvh2Node],
+    costs: &[[f32; WIDTH]],
+    index: usize,
+    parts: usize,
+    open: bool,
+    members: &mut Vec<usize>,
+) {
+    let node = &nodes[index];
+    let cost = &costs[index];
+    if node.is_leaf() || parts == 1 || (!open && cost[parts - 1] == cost[0]) {
+        members.push(index);
+        return;
+    }
+    let (k, _) = split(costs, node, parts);
+    let first = node.first_index as usize;
+    cut(nodes, costs, first, k, false, members);
+    cut(nodes, costs, first + 1, parts - k, false, members);
+}

@@ -1,0 +1,67 @@
+//! The corners of triangles, laid out for traversal.
+//!
+//! Nine numbers per triangle, axis by axis and in the order of the leaves of the tree: a ray that reaches a leaf finds
+//! all it needs in one place, without a table of indices in between (traversal waits for memory more than for
+//! arithmetic), and tests an axis of three corners at a time.
+
+use crate::math::predicates::TriangleFilter;
+use glam::Vec4;
+use prefetch_index::prefetch_index;
+
+/// Positions of corners, counter-clockwise seen from outside.
+pub(super) type Corners = [[f32; 3]; 3];
+
+/// A list of triangles.
+#[derive(Debug)]
+pub(super) struct Triangles {
+    /// x, y, z of the three corners of each triangle, and one number more: rows are read by four.
+    rows: Vec<f32>,
+}
+
+impl Triangles {
+    pub fn new(corners: impl ExactSizeIterator<Item = Corners>) -> Self {
+        let mut rows = Vec::with_capacity(9 * corners.len() + 1);
+        for [a, b, c] in corners {
+            for axis in 0..3 {
+                rows.extend([a[axis], b[axis], c[axis]]);
+            }
+        }
+        rows.push(0.0);
+        Self { rows }
+    }
+
+    pub fn len(&self) -> usize {
+        self.rows.len() / 9
+    }
+
+    /// Memory held, in bytes.
+    pub fn bytes(&self) -> usize {
+        4 * self.rows.len()
+    }
+
+    #[inline(always)]
+    pub fn get(&self, index: u32) -> Corners {
+        let (rows, _) = self.rows.as_chunks::<9>();
+        let &[ax, bx, cx, ay, by, cy, az, bz, cz] = &rows[index as usize];
+        [[ax, ay, az], [bx, by, bz], [cx, cy, cz]]
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = Corners> {
+        (0..self.len() as u32).map(|i| self.get(i))
+    }
+
+    /// Has the memory of four triangles from `index` on fetched.
+    #[inline(always)]
+    pub fn fetch(&self, index: u32) {
+        for offset in [0, 16, 32] {
+            prefetch_index(&self.rows, 9 * index as usize + offset);
+        }
+    }
+
+    /// Whether `filter` lets triangle `index` pass.
+    #[inline(always)]
+    pub fn pass(&self, filter: &TriangleFilter, index: u32) -> bool {
+        let rows = &self.rows[9 * index as usize..][..10];
+        filter.passes(|axis| Vec4::from_slice(&rows[3 * axis..][..4]))
+    }
+}
