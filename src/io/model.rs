@@ -162,7 +162,7 @@ impl Model {
 impl ModelCamera {
     /// The sensor, as high as `resolution` and as wide as its own proportions ask for.
     #[must_use]
-    pub fn sensor(&self, resolution: Resolution) -> SensorDescription {
+    pub fn sensor(&self, resolution: Resolution, filter: Filter) -> SensorDescription {
         let aspect = match self.projection {
             Projection::Perspective { aspect, .. } => aspect,
             Projection::Orthographic { aspect, .. } => Some(aspect),
@@ -186,7 +186,7 @@ impl ModelCamera {
         SensorDescription {
             name: self.name.clone(),
             camera,
-            filter: Filter::default(),
+            filter,
         }
     }
 }

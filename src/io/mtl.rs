@@ -142,7 +142,7 @@ fn parse(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, Strin
         by_material
             .entry(id)
             .or_default()
-            .append(model.mesh, model.name);
+            .append(&model.mesh, model.name);
     }
     let mut reader = Reader {
         folder,
@@ -163,7 +163,7 @@ fn parse(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, Strin
 }
 
 impl Arrays {
-    fn append(&mut self, mesh: tobj::Mesh, name: String) {
+    fn append(&mut self, mesh: &tobj::Mesh, name: String) {
         let first = self.positions.len() as u32;
         let old = self.positions.len();
         self.positions
@@ -289,9 +289,8 @@ impl Reader<'_> {
                 });
             let image = read
                 .map_err(|message| {
-                    self.model
-                        .notes
-                        .push(format!("texture is not read: {message}"))
+                    let text = format!("texture is not read: {message}");
+                    self.model.notes.push(text);
                 })
                 .ok()
                 .map(Arc::new);

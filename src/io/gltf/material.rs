@@ -228,7 +228,7 @@ impl Reader<'_> {
             None => 1.5,
             Some(ior) => {
                 let n = finite(ior.ior.0, "ior")?;
-                if n < 1.0 || n > 10.0 {
+                if !(1.0..=10.0).contains(&n) {
                     self.note(format!(
                         "material \"{name}\": ior {n} is taken as 1.5 (allowed: 1 to 10)"
                     ));
@@ -461,7 +461,7 @@ impl Reader<'_> {
             .map_err(|e| Fault::new(format!("material \"{name}\": {e}")))?;
         ior.validate([360.0, 830.0])
             .map_err(|e| Fault::new(format!("material \"{name}\": {e}")))?;
-        Ok(ior.named(&format!("n_d {index}, V_d {abbe:.1}"), "the model"))
+        Ok(ior.named(format!("n_d {index}, V_d {abbe:.1}"), "the model"))
     }
 
     fn interior(&mut self, source: &Source, name: &str, ior: Ior) -> Result<Medium, Fault> {

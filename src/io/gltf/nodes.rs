@@ -33,13 +33,15 @@ struct Part {
     emission: Option<AreaEmission>,
 }
 
+/// A material in the model: its id, what it emits, and the medium that fills its meshes.
+type Known = (MaterialId, Option<AreaEmission>, Option<MediumId>);
+
 /// What has been made of meshes and materials so far.
 #[derive(Default)]
 struct Made {
     parts: BTreeMap<usize, Vec<Part>>,
     /// By material (`None`: the default one) and whether it fills a solid.
-    materials:
-        BTreeMap<(Option<usize>, bool), (MaterialId, Option<AreaEmission>, Option<MediumId>)>,
+    materials: BTreeMap<(Option<usize>, bool), Known>,
     triangles: usize,
 }
 
@@ -327,7 +329,7 @@ impl Reader<'_> {
         source: &Source,
         solid: bool,
         made: &mut Made,
-    ) -> Result<(MaterialId, Option<AreaEmission>, Option<MediumId>), Fault> {
+    ) -> Result<Known, Fault> {
         if let Some(known) = made.materials.get(&(id, solid)) {
             return Ok(known.clone());
         }

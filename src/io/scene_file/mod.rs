@@ -146,7 +146,7 @@ fn finish(checked: CheckedScene) -> Result<LoadedScene, SceneFileErrors> {
         source,
     } = checked;
     let (settings, units) = (plan.settings.clone(), plan.units);
-    let (description, notes) = resolve::resolve(plan, hash, &source)?;
+    let (description, notes) = resolve::resolve(&plan, hash, &source)?;
     warnings.extend(notes);
     Ok(LoadedScene {
         description,

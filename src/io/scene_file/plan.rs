@@ -159,6 +159,8 @@ pub struct ModelPlan {
     pub to_world: DAffine3,
     /// Columns and rows of its cameras.
     pub resolution: [u32; 2],
+    /// Filter of its cameras and the filter's radius in pixels; `None`: the default.
+    pub filter: (Option<FilterName>, Option<f64>),
     /// Whether its lights are taken.
     pub lights: bool,
 }

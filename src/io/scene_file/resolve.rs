@@ -1,15 +1,16 @@
 //! From a checked [`Plan`] to the renderer's own types: library names are looked up, meshes read. One small function per
 //! kind of thing.
 
+mod material;
+mod model;
+
 use super::document::Source;
 use super::error::{Problem, SceneFileError, SceneFileErrors};
 use super::plan::{
-    AbsorptionPlan, ImagePlan, IorPlan, LightKind, LightPlan, LobePlan, MaterialPlan, MediumPlan,
-    MeshPlan, ObjectPlan, Plan, ScalarPlan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan,
-    SpectrumSource, TexturePlan,
+    AbsorptionPlan, IorPlan, LightKind, LightPlan, MaterialPlan, MediumPlan, MeshPlan, ObjectPlan,
+    Plan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
 };
-use super::schema::{FilterName, OutputUnits};
-use crate::bsdf::coated::Coat;
+use super::schema::FilterName;
 use crate::camera::detector::Detector;
 use crate::camera::orthographic::Orthographic;
 use crate::camera::perspective::{Perspective, ThinLens};
@@ -17,16 +18,14 @@ use crate::camera::{Camera, Resolution};
 use crate::film::Filter as FilmFilter;
 use crate::geometry::{Mesh, Shape, Transform};
 use crate::io::model::ModelKind;
-use crate::io::{gltf, image_file, model, obj, ply};
+use crate::io::{obj, ply};
 use crate::light::Light;
 use crate::light::beam::BeamLight;
 use crate::light::directional::DirectionalLight;
 use crate::light::environment::EnvironmentLight;
-use crate::light::environment_image::EnvironmentImage;
 use crate::light::point::PointLight;
 use crate::light::spot::SpotLight;
-use crate::material::{Coverage, LobeSpec, Material, MaterialId, NormalMap};
-use crate::math::hash::combine;
+use crate::material::MaterialId;
 use crate::medium::{Boundary, Medium, MediumId};
 use crate::scene::description::{
     AreaEmission, LightDescription, ObjectDescription, SceneDescription, SensorDescription,
@@ -34,8 +33,8 @@ use crate::scene::description::{
 use crate::spectrum::emission::Line;
 use crate::spectrum::library::{Library, LibraryError};
 use crate::spectrum::{Curve, Emission, Ior, upsample};
-use crate::texture::{Filter, Image, ImageTexture, ScalarTexture, SpectrumTexture, Wrap};
-use glam::{DAffine2, DAffine3, DMat3};
+use crate::texture::{Image, SpectrumTexture};
+use glam::{DAffine3, DMat3};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -45,7 +44,7 @@ use std::sync::Arc;
 /// # Errors
 /// Unknown library names, indices without data, meshes that cannot be read or are not closed where they must be.
 pub fn resolve(
-    plan: Plan,
+    plan: &Plan,
     hash: u64,
     source: &Source,
 ) -> Result<(SceneDescription, Vec<String>), SceneFileErrors> {
@@ -62,7 +61,7 @@ pub fn resolve(
         notes: Vec::new(),
         errors: Vec::new(),
     };
-    let description = resolver.scene(&plan, hash);
+    let description = resolver.scene(plan, hash);
     match SceneFileErrors::from_unsorted(resolver.errors) {
         None => Ok((description, resolver.notes)),
         Some(errors) => Err(errors),
@@ -106,6 +105,16 @@ impl Resolver<'_> {
         };
         self.models(plan, &mut scene);
         scene
+    }
+
+    fn bad_file(&mut self, at: &Span, name: &str, message: String) {
+        self.error(
+            at,
+            Problem::BadFile {
+                path: name.to_owned(),
+                message,
+            },
+        );
     }
 
     fn unknown(&mut self, at: &Span, error: LibraryError) {
@@ -276,161 +285,6 @@ impl Resolver<'_> {
         }
     }
 
-    fn material(&mut self, plan: &MaterialPlan) -> Material {
-        let mut material = Material::default();
-        for (weight, lobe) in &plan.lobes {
-            let weight = self.scalar(weight);
-            let lobe = self.lobe(lobe);
-            if let LobeSpec::CoatedDiffuse { coat, .. } = &lobe.0 {
-                let layer = LobeSpec::Coat {
-                    index: coat.index,
-                    alpha: lobe.1,
-                    tint: Curve::Constant(1.0).into(),
-                };
-                material.lobes.push((weight.clone(), layer));
-            }
-            material.lobes.push((weight, lobe.0));
-        }
-        if let Some((texture, scale)) = &plan.normal {
-            material.normal = self.texture(texture).map(|texture| NormalMap {
-                texture,
-                scale: *scale,
-            });
-        }
-        if let Some((alpha, cutoff)) = &plan.coverage {
-            material.coverage = Some(Coverage {
-                alpha: self.scalar(alpha),
-                cutoff: *cutoff,
-            });
-        }
-        material
-    }
-
-    /// The image of a file, decoded once for each encoding.
-    fn image(&mut self, plan: &TexturePlan) -> Option<Arc<Image>> {
-        let pyramid = matches!(plan.filter, Filter::Mipmap { .. });
-        let key = (plan.path.clone(), plan.srgb, pyramid);
-        if let Some(image) = self.images.get(&key) {
-            return image.clone();
-        }
-        let read = std::fs::read(&plan.path)
-            .map_err(|e| e.to_string())
-            .and_then(|bytes| image_file::decode(&bytes, plan.srgb));
-        let image = match read {
-            Ok(image) if pyramid => Some(Arc::new(image.with_pyramid())),
-            Ok(image) => Some(Arc::new(image)),
-            Err(message) => {
-                self.bad_file(&plan.at, &plan.name, message);
-                None
-            }
-        };
-        self.images.insert(key, image.clone());
-        image
-    }
-
-    fn texture(&mut self, plan: &TexturePlan) -> Option<ImageTexture> {
-        Some(ImageTexture {
-            image: self.image(plan)?,
-            map: plan.map,
-            wrap: [plan.wrap; 2],
-            filter: plan.filter,
-        })
-    }
-
-    fn scalar(&mut self, plan: &ScalarPlan) -> ScalarTexture {
-        match plan {
-            ScalarPlan::Constant(value) => (*value).into(),
-            ScalarPlan::Image {
-                texture,
-                channel,
-                factor,
-            } => match self.texture(texture) {
-                None => (*factor).into(),
-                Some(texture) => ScalarTexture::Image {
-                    texture,
-                    channel: *channel,
-                }
-                .times(*factor),
-            },
-        }
-    }
-
-    /// A spectrum of a surface that may not exceed 1.
-    fn surface(&mut self, plan: &SpectrumPlan) -> SpectrumTexture {
-        let SpectrumSource::Texture(texture) = &plan.source else {
-            return self.reflectance(plan).into();
-        };
-        match self.texture(texture) {
-            None => Curve::Constant(0.0).into(),
-            Some(texture) => SpectrumTexture::Image {
-                texture,
-                factor: [plan.scale as f32; 3],
-            },
-        }
-    }
-
-    fn bad_file(&mut self, at: &Span, name: &str, message: String) {
-        self.error(
-            at,
-            Problem::BadFile {
-                path: name.to_owned(),
-                message,
-            },
-        );
-    }
-
-    /// A lobe; the roughness of a coat belongs to the layer, which the caller makes.
-    fn lobe(&mut self, plan: &LobePlan) -> (LobeSpec, [ScalarTexture; 2]) {
-        let mut layer = [0.0.into(), 0.0.into()];
-        let lobe = match plan {
-            LobePlan::Diffuse { reflectance } => LobeSpec::Diffuse {
-                reflectance: self.surface(reflectance),
-            },
-            LobePlan::Mirror { reflectance } => LobeSpec::Mirror {
-                reflectance: self.surface(reflectance),
-            },
-            LobePlan::Conductor { ior, alpha, tint } => LobeSpec::Conductor {
-                ior: self.ior(ior, true),
-                alpha: self.alpha(alpha),
-                tint: self.surface(tint),
-            },
-            LobePlan::ColoredMetal { color, alpha } => LobeSpec::ColoredMetal {
-                color: self.surface(color),
-                alpha: self.alpha(alpha),
-            },
-            LobePlan::Coated {
-                reflectance,
-                index,
-                alpha,
-            } => {
-                layer = self.alpha(alpha);
-                LobeSpec::CoatedDiffuse {
-                    reflectance: self.surface(reflectance),
-                    coat: Coat::new(*index, 1.0),
-                    strength: 1.0.into(),
-                }
-            }
-            LobePlan::Dielectric {
-                alpha,
-                reflect_tint,
-                transmit_tint,
-            } => LobeSpec::Dielectric {
-                alpha: self.alpha(alpha),
-                reflect_tint: self.surface(reflect_tint),
-                transmit_tint: self.surface(transmit_tint),
-            },
-            LobePlan::Thin { ior, transmit_tint } => LobeSpec::Thin {
-                ior: self.ior(ior, false),
-                transmit_tint: self.surface(transmit_tint),
-            },
-        };
-        (lobe, layer)
-    }
-
-    fn alpha(&mut self, plan: &[ScalarPlan; 2]) -> [ScalarTexture; 2] {
-        [self.scalar(&plan[0]), self.scalar(&plan[1])]
-    }
-
     fn mesh(&mut self, plan: &MeshPlan) -> Option<Arc<Mesh>> {
         let read = match plan.kind {
             ModelKind::Ply => ply::load(&plan.path),
@@ -498,83 +352,6 @@ impl Resolver<'_> {
             boundary: plan.boundary,
             emission,
         })
-    }
-
-    fn environment(&mut self, radiance: Emission, plan: &ImagePlan) -> Light {
-        let Some(path) = &plan.path else {
-            return model::studio(radiance, plan.to_world);
-        };
-        let texture = TexturePlan {
-            path: path.clone(),
-            name: plan.name.clone(),
-            at: plan.at.clone(),
-            srgb: true,
-            map: DAffine2::IDENTITY,
-            wrap: Wrap::Repeat,
-            filter: Filter::Bilinear,
-        };
-        let image = self.image(&texture).and_then(|image| {
-            let environment = EnvironmentImage::new(image, plan.to_world);
-            if environment.is_none() {
-                self.bad_file(&plan.at, &plan.name, "the image is black".to_owned());
-            }
-            environment.map(Arc::new)
-        });
-        Light::Environment(EnvironmentLight { radiance, image })
-    }
-
-    /// Adds the models, then what a scene with models but without cameras or lights needs.
-    fn models(&mut self, plan: &Plan, scene: &mut SceneDescription) {
-        let mut cameras = Vec::new();
-        let mut lit =
-            !scene.lights.is_empty() || scene.objects.iter().any(|o| o.emission.is_some());
-        for m in &plan.models {
-            let mut read = match model::load(&m.path, m.kind, m.to_world) {
-                Ok(read) => read,
-                Err(message) => {
-                    self.bad_file(&m.at, &m.name, message);
-                    continue;
-                }
-            };
-            if !m.lights {
-                read.lights.clear();
-            }
-            lit |= read.lit && m.lights;
-            let notes = std::mem::take(&mut read.notes);
-            self.notes
-                .extend(notes.into_iter().map(|n| format!("{}: {n}", m.name)));
-            scene.hash = combine(scene.hash, read.hash);
-            let [width, height] = m.resolution;
-            let resolution = Resolution { width, height };
-            cameras.extend(read.cameras.iter().map(|c| c.sensor(resolution)));
-            read.add_to(scene);
-        }
-        let Some(first) = plan.models.first().filter(|_| self.errors.is_empty()) else {
-            return;
-        };
-        let [width, height] = first.resolution;
-        if scene.sensors.is_empty() {
-            if cameras.is_empty() {
-                self.notes
-                    .push("no camera: one that sees all of the model is used".to_owned());
-                let camera = model::standard_camera(&scene.objects);
-                cameras.push(camera.sensor(Resolution { width, height }));
-            }
-            model::name_sensors(&mut cameras);
-            scene.sensors = cameras;
-        }
-        if !lit {
-            self.notes
-                .push("no light: a studio of built-in lamps is used".to_owned());
-            let level = match plan.units {
-                OutputUnits::Radiance => 1.0,
-                OutputUnits::Photometric => gltf::PER_NIT,
-            };
-            scene.lights.push(LightDescription {
-                name: "studio".to_owned(),
-                light: model::studio(Emission::from_rgb([level; 3]), DMat3::IDENTITY),
-            });
-        }
     }
 
     /// Where the object has a texture, if it has one.
@@ -703,22 +480,27 @@ fn sensor(plan: &SensorPlan) -> SensorDescription {
             Camera::Detector(detector)
         }
     };
-    let filter = match (plan.filter, plan.filter_radius, &camera) {
-        (None | Some(FilterName::Box), _, Camera::Detector(_)) | (Some(FilterName::Box), _, _) => {
-            FilmFilter::Box
-        }
-        (Some(FilterName::Tent), radius, _) => FilmFilter::Tent {
-            radius: radius.unwrap_or(1.0),
-        },
-        (_, None, _) => FilmFilter::default(),
-        (_, Some(radius), _) => FilmFilter::Gaussian {
-            sigma: radius / 3.0,
-            radius,
-        },
-    };
+    let is_detector = matches!(camera, Camera::Detector(_));
+    let filter = film_filter(plan.filter, plan.filter_radius, is_detector);
     SensorDescription {
         name: plan.name.clone(),
         camera,
         filter,
+    }
+}
+
+/// The filter of a sensor: what is named, else the default of its kind.
+fn film_filter(name: Option<FilterName>, radius: Option<f64>, is_detector: bool) -> FilmFilter {
+    match (name, radius) {
+        (Some(FilterName::Box), _) => FilmFilter::Box,
+        (None, _) if is_detector => FilmFilter::Box,
+        (Some(FilterName::Tent), radius) => FilmFilter::Tent {
+            radius: radius.unwrap_or(1.0),
+        },
+        (_, None) => FilmFilter::default(),
+        (_, Some(radius)) => FilmFilter::Gaussian {
+            sigma: radius / 3.0,
+            radius,
+        },
     }
 }

@@ -106,7 +106,11 @@ impl Checker<'_> {
         let mut materials: Vec<_> = file.material.values().map(|m| self.material(m)).collect();
         materials.push(MaterialPlan::default());
         let mesh_ids = self.named_meshes(&file.mesh);
-        let models: Vec<_> = file.model.iter().filter_map(|m| self.model(m)).collect();
+        let models: Vec<_> = file
+            .model
+            .iter()
+            .filter_map(|m| self.model(m, &file.render))
+            .collect();
         let objects = self.objects(
             &file.object,
             &file.material,

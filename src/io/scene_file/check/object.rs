@@ -6,7 +6,7 @@ use super::super::plan::{
     ShapePlan, Span,
 };
 use super::super::schema::{
-    At, Environment, Light, Material, Mesh, Model, NameOr, Named, Object, Quad, Scale,
+    At, Environment, Light, Material, Mesh, Model, NameOr, Named, Object, Quad, Render, Scale,
     TransformStep,
 };
 use super::spectrum::Use;
@@ -60,7 +60,7 @@ impl Checker<'_> {
     }
 
     /// A file of another program.
-    pub(super) fn model(&mut self, model: &At<Model>) -> Option<ModelPlan> {
+    pub(super) fn model(&mut self, model: &At<Model>, render: &Render) -> Option<ModelPlan> {
         let (m, at) = (model.get_ref(), model.span());
         let files = [
             ("gltf", &m.gltf, ModelKind::Gltf, 1.0),
@@ -73,7 +73,8 @@ impl Checker<'_> {
         let file = file.as_ref()?;
         let path = self.file(file, MAX_MODEL_BYTES)?;
         let to_world = self.transform(&m.transform) * DAffine3::from_scale(DVec3::splat(unit_m));
-        if !(to_world.matrix3.determinant().abs() >= f64::MIN_POSITIVE) {
+        let volume = to_world.matrix3.determinant().abs();
+        if volume.is_nan() || volume < f64::MIN_POSITIVE {
             self.conflict(
                 &at,
                 "the model has no volume after its transform (allowed: an invertible transform)",
@@ -93,6 +94,10 @@ impl Checker<'_> {
             kind,
             to_world,
             resolution,
+            filter: (
+                render.filter,
+                render.filter_radius.as_ref().map(|r| *r.get_ref()),
+            ),
             lights: m.lights.unwrap_or(true),
         })
     }

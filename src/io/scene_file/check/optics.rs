@@ -165,7 +165,7 @@ impl Checker<'_> {
                 plan.coverage = Some((self.scalar("coverage", coverage, UNIT_INTERVAL), cutoff));
             }
             (None, Some(cutoff)) => {
-                self.conflict(&cutoff.span(), "cutoff is for materials with coverage only")
+                self.conflict(&cutoff.span(), "cutoff is for materials with coverage only");
             }
             (None, None) => {}
         }
