@@ -36,26 +36,27 @@ MODELS = [
 def fetch(registry, package, folder):
     """The folder that holds the package's files."""
     place = folder / package.replace("/", "_")
-    if place.exists():
-        return place / "package" if registry == "npm" else place
+    inner = {"npm": place / "package", "pypi": place, "crates.io": place / "all" / package.split("@")[0]}[registry]
+    if inner.exists():
+        return inner
     work = folder / "work"
     work.mkdir(parents=True, exist_ok=True)
     if registry == "npm":
         name = subprocess.check_output(["npm", "pack", "--silent", package], cwd=work, text=True).split()[-1]
         with tarfile.open(work / name) as archive:
             archive.extractall(place, filter="data")
-        return place / "package"
+        return inner
     if registry == "pypi":
         subprocess.check_call([sys.executable, "-m", "pip", "download", "-q", "--no-deps", package, "-d", work])
         wheel = next(work.glob(package.split("==")[0] + "-*.whl"))
         zipfile.ZipFile(wheel).extractall(place)
-        return place
+        return inner
     project = work / "fetch"
     if not project.exists():
         subprocess.check_call(["cargo", "init", "-q", "--name", "fetch", project])
     subprocess.check_call(["cargo", "add", "-q", "--no-default-features", package.replace("@", "@=")], cwd=project)
     subprocess.check_call(["cargo", "vendor", "-q", place / "all"], cwd=project, stdout=subprocess.DEVNULL)
-    return place / "all" / package.split("@")[0]
+    return inner
 
 
 def main(program, folder):
