@@ -65,15 +65,8 @@ fn the_valid_file_is_read() {
         (model.objects.len(), model.lights.len(), model.media.len()),
         (2, 1, 1)
     );
-    let note = "material \"glass\": a Cauchy glass with n_d 1.600000023841858 and V_d 40.0, all that the file gives (extras.glass names a real one)";
-    assert!(
-        model
-            .notes
-            .iter()
-            .any(|n| n.starts_with("material \"glass\": a Cauchy glass with n_d 1.6")),
-        "{note}: {:?}",
-        model.notes
-    );
+    let note = "material \"glass\": a Cauchy glass with n_d 1.6 and V_d 40.0, all that the file gives (extras.glass names a real one)";
+    assert!(model.notes.iter().any(|n| n == note), "{:?}", model.notes);
 }
 
 #[test]
@@ -108,7 +101,7 @@ fn hostile_files_get_exact_messages() {
         ),
         (
             "/bufferViews/1/byteLength",
-            json!(1 << 40),
+            json!(1_u64 << 40),
             "buffer view 1: bytes 76 to 1099511627852 of buffer 0",
         ),
         ("/buffers/0/byteLength", json!(1_000_000), "buffer 0 has"),

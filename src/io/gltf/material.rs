@@ -454,14 +454,16 @@ impl Reader<'_> {
         }
         let abbe = 20.0 / dispersion;
         let coefficients = cauchy(index, abbe);
+        // the file's own digits
+        let shown = index as f32;
         self.note(format!(
-            "material \"{name}\": a Cauchy glass with n_d {index} and V_d {abbe:.1}, all that the file gives (extras.glass names a real one)"
+            "material \"{name}\": a Cauchy glass with n_d {shown} and V_d {abbe:.1}, all that the file gives (extras.glass names a real one)"
         ));
         let ior = Ior::formula(5, vec![coefficients[0], coefficients[1], -2.0], RANGE_NM)
             .map_err(|e| Fault::new(format!("material \"{name}\": {e}")))?;
         ior.validate([360.0, 830.0])
             .map_err(|e| Fault::new(format!("material \"{name}\": {e}")))?;
-        Ok(ior.named(format!("n_d {index}, V_d {abbe:.1}"), "the model"))
+        Ok(ior.named(format!("n_d {shown}, V_d {abbe:.1}"), "the model"))
     }
 
     fn interior(&mut self, source: &Source, name: &str, ior: Ior) -> Result<Medium, Fault> {
