@@ -10,7 +10,7 @@ pub mod detector;
 pub mod orthographic;
 pub mod perspective;
 
-use crate::geometry::{DirectionalDensity, EndPoint, SurfacePoint, Transform};
+use crate::geometry::{DirectionalDensity, EndPoint, Link, Shutter, SurfacePoint, Transform};
 use glam::{DVec2, DVec3};
 
 /// Film size in pixels.
@@ -114,6 +114,18 @@ impl Camera {
             Self::Orthographic(camera) => camera.transform(),
             Self::Detector(detector) => &detector.transform,
         }
+    }
+
+    /// The same sensor inside a hierarchy of moving `parents` (the outermost first; without scale) over `shutter`.
+    #[must_use]
+    pub fn under(mut self, parents: &[Link], shutter: Shutter) -> Self {
+        let transform = match &mut self {
+            Self::Perspective(camera) => camera.transform_mut(),
+            Self::Orthographic(camera) => camera.transform_mut(),
+            Self::Detector(detector) => &mut detector.transform,
+        };
+        *transform = transform.under(parents, shutter);
+        self
     }
 
     /// Starts a camera sub-path at a raster position. `u_lens` chooses the lens point, or a detector's direction.

@@ -36,6 +36,10 @@ impl Orthographic {
         &self.transform
     }
 
+    pub(super) fn transform_mut(&mut self) -> &mut Transform {
+        &mut self.transform
+    }
+
     /// Density per area of the parallel ray, equal to `W_e`.
     fn ray_density(&self) -> f64 {
         1.0 / (4.0 * self.half_film_m.x * self.half_film_m.y)

@@ -65,6 +65,10 @@ impl Perspective {
         &self.transform
     }
 
+    pub(super) fn transform_mut(&mut self) -> &mut Transform {
+        &mut self.transform
+    }
+
     /// Area of the film at unit distance.
     fn film_area(&self) -> f64 {
         4.0 * self.half_film.x * self.half_film.y

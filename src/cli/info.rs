@@ -5,8 +5,11 @@ use super::load::{Loaded, load};
 use super::usage::{bytes_text, film_bytes, geometry_bytes, texture_bytes};
 use super::{CliError, Outcome, glass, print, stats, summary};
 use crate::camera::Camera;
-use crate::geometry::Shape;
+use crate::geometry::{Shape, Shutter};
 use crate::light::Light;
+use crate::scene::effects::Effect;
+use crate::scene::moving::Moving;
+use crate::scene::regularization::decide;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -25,6 +28,19 @@ pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
+/// What the scene calls for, and whether each sensor is regularized.
+fn effects(loaded: &Loaded) -> Vec<Effect> {
+    let decided = |sensor| decide(&loaded.scene, sensor, &loaded.settings).effect();
+    let sensors = 0..loaded.scene.sensors.len();
+    loaded
+        .scene
+        .effects
+        .iter()
+        .cloned()
+        .chain(sensors.map(decided))
+        .collect()
+}
+
 fn camera_kind(camera: &Camera) -> &'static str {
     match camera {
         Camera::Perspective(_) => "perspective",
@@ -40,7 +56,7 @@ fn shape_kind(shape: &Shape) -> &'static str {
         Shape::Quad => "quad",
         Shape::Cylinder => "cylinder",
         Shape::Box => "box",
-        Shape::Mesh(_) => "mesh",
+        Shape::Mesh(_) | Shape::Deforming(_) => "mesh",
     }
 }
 
@@ -73,12 +89,10 @@ fn shapes(loaded: &Loaded) -> BTreeMap<&'static str, usize> {
 }
 
 fn triangles(loaded: &Loaded) -> usize {
-    let count = |shape: &Shape| {
-        if let Shape::Mesh(mesh) = shape {
-            mesh.triangle_count()
-        } else {
-            0
-        }
+    let count = |shape: &Shape| match shape {
+        Shape::Mesh(mesh) => mesh.triangle_count(),
+        Shape::Deforming(mesh) => mesh.triangle_count(),
+        _ => 0,
     };
     loaded
         .scene
@@ -97,6 +111,15 @@ fn films_bytes(loaded: &Loaded) -> u64 {
         .sum()
 }
 
+/// Empty where the shutter is as it is by default.
+fn shutter_text(Shutter { open_s, close_s }: Shutter) -> String {
+    if (open_s, close_s) == (0.0, 0.0) {
+        String::new()
+    } else {
+        format!(", shutter {open_s}..{close_s} s")
+    }
+}
+
 fn to_text(loaded: &Loaded) -> String {
     let scene = &loaded.scene;
     let mut text = String::from("sensors\n");
@@ -104,11 +127,12 @@ fn to_text(loaded: &Loaded) -> String {
         let size = sensor.camera.resolution();
         _ = writeln!(
             text,
-            "  {:<13} {}, {} x {} pixels",
+            "  {:<13} {}, {} x {} pixels{}",
             sensor.name,
             camera_kind(&sensor.camera),
             size.width,
-            size.height
+            size.height,
+            shutter_text(sensor.shutter)
         );
     }
     text += "objects\n";
@@ -128,6 +152,29 @@ fn to_text(loaded: &Loaded) -> String {
             ""
         };
         _ = writeln!(text, "  {name:<13} {}{hidden}", light_kind(light));
+    }
+    let moving = scene.moving();
+    if !moving.is_empty() {
+        text += "motion\n";
+    }
+    for moving in moving {
+        let (kind, name) = scene.name_of(moving);
+        _ = write!(text, "  {name:<13} {kind}");
+        if let Moving::Object(i) = moving
+            && let Shape::Deforming(mesh) = &scene.accel.instances()[i].shape
+        {
+            _ = write!(
+                text,
+                ", changes its form ({} trees over the shutter)",
+                mesh.segment_count()
+            );
+        }
+        for (i, sensor) in scene.sensors.iter().enumerate() {
+            if let Some(way) = scene.way_px(i, moving) {
+                _ = write!(text, ", up to {way:.1} pixels in {}", sensor.name);
+            }
+        }
+        text.push('\n');
     }
     text += "media\n";
     for medium in &scene.media {
@@ -149,7 +196,7 @@ fn to_text(loaded: &Loaded) -> String {
         }
         text.push('\n');
     }
-    text += &summary::effects(&scene.effects);
+    text += &summary::effects(&effects(loaded));
     let (films, meshes) = (films_bytes(loaded), geometry_bytes(scene));
     let images = scene.images();
     _ = writeln!(
@@ -172,7 +219,13 @@ fn to_json(loaded: &Loaded) -> Value {
     let scene = &loaded.scene;
     let sensors = scene.sensors.iter().map(|sensor| {
         let size = sensor.camera.resolution();
-        json!({ "name": sensor.name, "kind": camera_kind(&sensor.camera), "width": size.width, "height": size.height })
+        json!({
+            "name": sensor.name,
+            "kind": camera_kind(&sensor.camera),
+            "width": size.width,
+            "height": size.height,
+            "shutter_s": [sensor.shutter.open_s, sensor.shutter.close_s],
+        })
     });
     let lights = scene.lights.iter().zip(&scene.light_names).map(|(light, name)| {
         json!({ "name": name, "kind": light_kind(light), "only_light_paths": light.is_delta() })
@@ -182,14 +235,22 @@ fn to_json(loaded: &Loaded) -> Value {
         value["extrapolated_nm"] = json!(extrapolated(loaded, &medium.ior));
         json!({ "name": medium.name, "index": value })
     });
+    let motion = scene.moving().into_iter().map(|moving| {
+        let (kind, name) = scene.name_of(moving);
+        let ways = scene.sensors.iter().enumerate();
+        let ways =
+            ways.filter_map(|(i, s)| Some((s.name.clone(), json!(scene.way_px(i, moving)?))));
+        json!({ "name": name, "kind": kind, "way_px": Value::Object(ways.collect()) })
+    });
     json!({
         "scene_hash": format!("{:016x}", scene.hash),
         "sensors": sensors.collect::<Vec<_>>(),
         "objects": shapes(loaded),
         "triangles": triangles(loaded),
         "lights": lights.collect::<Vec<_>>(),
+        "motion": motion.collect::<Vec<_>>(),
         "media": media.collect::<Vec<_>>(),
-        "effects": stats::effects_json(loaded),
+        "effects": stats::effects_json(&effects(loaded)),
         "memory_bytes": { "films": films_bytes(loaded), "meshes": geometry_bytes(scene), "textures": texture_bytes(scene) },
     })
 }

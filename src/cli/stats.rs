@@ -163,8 +163,8 @@ fn effect_json(effect: &Effect) -> Value {
 
 /// Effects and their reasons.
 #[must_use]
-pub fn effects_json(loaded: &Loaded) -> Value {
-    loaded.scene.effects.iter().map(effect_json).collect()
+pub fn effects_json(effects: &[Effect]) -> Value {
+    effects.iter().map(effect_json).collect()
 }
 
 /// Writes the statistics of a run.
@@ -184,7 +184,7 @@ pub fn write(
         "seed": loaded.settings.seed,
         "lanes": loaded.settings.lanes,
         "threads": threads,
-        "effects": effects_json(loaded),
+        "effects": effects_json(&loaded.scene.effects),
         "peak_memory_bytes": peak_memory_bytes(),
         "sensors": sensors.iter().map(SensorStats::json).collect::<Vec<_>>(),
     });

@@ -52,11 +52,14 @@ pub fn geometry_bytes(scene: &Scene) -> u64 {
     let mut seen = Vec::new();
     let mut bytes = 0;
     for instance in scene.accel.instances() {
-        if let Shape::Mesh(mesh) = &instance.shape
-            && !seen.contains(&Arc::as_ptr(mesh))
-        {
-            seen.push(Arc::as_ptr(mesh));
-            bytes += mesh.bytes() as u64;
+        let (address, size) = match &instance.shape {
+            Shape::Mesh(mesh) => (Arc::as_ptr(mesh).cast::<()>(), mesh.bytes()),
+            Shape::Deforming(mesh) => (Arc::as_ptr(mesh).cast(), mesh.bytes()),
+            _ => continue,
+        };
+        if !seen.contains(&address) {
+            seen.push(address);
+            bytes += size as u64;
         }
     }
     bytes

@@ -86,6 +86,7 @@ impl Accel {
                 let (shape, local) = self.local(ray, instance, t_best);
                 let (t, prim, uv) = match shape {
                     Shape::Mesh(mesh) => mesh.closest(&local)?,
+                    Shape::Deforming(mesh) => mesh.closest(&local, ray.time)?,
                     _ => shape
                         .analytic_hit(&local)
                         .map(|(t, prim)| (t, prim, DVec2::ZERO))?,
@@ -121,6 +122,7 @@ impl Accel {
                 let (shape, local) = self.local(ray, instance, ray.t_max);
                 match shape {
                     Shape::Mesh(mesh) => mesh.occluded(&local),
+                    Shape::Deforming(mesh) => mesh.occluded(&local, ray.time),
                     _ => shape.analytic_hit(&local).is_some(),
                 }
             },
@@ -147,7 +149,7 @@ impl Accel {
             Shape::Mesh(mesh) => mesh.weights(id.prim, p),
             _ => DVec2::ZERO,
         };
-        instance.shape.local_point(id.prim, p, weights).uv
+        instance.shape.local_point(id.prim, p, weights, time).uv
     }
 
     /// Full local geometry of a hit: position refined onto the surface, normals, uv.
@@ -156,7 +158,7 @@ impl Accel {
         let instance = &self.instances[hit.id.instance.0 as usize];
         let placement = instance.transform.at(ray.time);
         let p = placement.to_object.transform_point3(ray.o + ray.d * hit.t);
-        let point = instance.shape.local_point(hit.id.prim, p, hit.uv);
+        let point = instance.shape.local_point(hit.id.prim, p, hit.uv, ray.time);
         instance::to_world(hit.id.instance, &placement, &point)
     }
 }

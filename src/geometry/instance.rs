@@ -6,7 +6,7 @@
 use super::motion::Placement;
 use super::shape::{AreaSample, LocalPoint};
 use super::{Shape, SurfaceId, SurfacePoint, Transform};
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
 use std::f64::consts::TAU;
 
 /// Index of an instance in the scene.
@@ -33,7 +33,7 @@ impl Instance {
         let placement = self.transform.at(time);
         let stretch = |n: DVec3| area_stretch(&placement, placement.normal_to_world(n));
         if is_similarity(placement.to_world.matrix3) {
-            return self.shape.area() * stretch(DVec3::Z);
+            return self.shape.area(time) * stretch(DVec3::Z);
         }
         let steps = |n: u32| (0..n).map(move |i| (f64::from(i) + 0.5) / f64::from(n));
         let ring = |u: f64, z: f64| {
@@ -42,21 +42,22 @@ impl Instance {
             DVec3::new(r * cos, r * sin, z)
         };
         match &self.shape {
-            Shape::Disk { .. } | Shape::Quad => self.shape.area() * stretch(DVec3::Z),
+            Shape::Disk { .. } | Shape::Quad => self.shape.area(time) * stretch(DVec3::Z),
             Shape::Box => DVec3::AXES.iter().map(|&n| 8.0 * stretch(n)).sum(),
             Shape::Cylinder => {
                 let n = AREA_STEPS * AREA_STEPS;
                 steps(n).map(|u| stretch(ring(u, 0.0))).sum::<f64>() / f64::from(n)
-                    * self.shape.area()
+                    * self.shape.area(time)
             }
             Shape::Sphere => {
                 let sum: f64 = steps(AREA_STEPS)
                     .flat_map(|v| steps(AREA_STEPS).map(move |u| ring(u, 1.0 - 2.0 * v)))
                     .map(stretch)
                     .sum();
-                sum / f64::from(AREA_STEPS).powi(2) * self.shape.area()
+                sum / f64::from(AREA_STEPS).powi(2) * self.shape.area(time)
             }
             Shape::Mesh(mesh) => mesh.mapped_area(placement.to_world.matrix3),
+            Shape::Deforming(mesh) => mesh.mapped_area(placement.to_world.matrix3, time),
         }
     }
 
@@ -65,28 +66,42 @@ impl Instance {
     #[must_use]
     pub fn sample_area(&self, id: InstanceId, time: f64, u_face: f64, u: DVec2) -> AreaSample {
         let placement = self.transform.at(time);
-        let point = to_world(id, &placement, &self.shape.sample(u_face, u));
+        let point = to_world(id, &placement, &self.shape.sample(u_face, u, time));
         AreaSample {
             point,
-            pdf_a: self.density(&placement, point.ng),
+            pdf_a: self.density(&placement, &point, time),
         }
     }
 
     /// The density per world area with which `sample_area` generates `point`.
     #[must_use]
     pub fn pdf_area(&self, point: &SurfacePoint, time: f64) -> f64 {
-        self.density(&self.transform.at(time), point.ng)
+        self.density(&self.transform.at(time), point, time)
     }
 
-    fn density(&self, placement: &Placement, ng: DVec3) -> f64 {
-        1.0 / (self.shape.area() * area_stretch(placement, ng))
+    fn density(&self, placement: &Placement, point: &SurfacePoint, time: f64) -> f64 {
+        let area = self.shape.inverse_density(point.id.prim, time);
+        1.0 / (area * area_stretch(placement, point.ng))
+    }
+
+    /// Whether it moves or changes its form while the shutter is open.
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        self.transform.is_moving() || matches!(self.shape, Shape::Deforming(_))
     }
 
     /// World bounds over the whole shutter.
     #[must_use]
     pub fn bounds(&self) -> (DVec3, DVec3) {
-        let Transform::Static(placement) = &self.transform;
-        let rows = placement.to_world.matrix3.transpose();
+        let extent = self.shape.bounds();
+        let radius = extent.0.abs().max(extent.1.abs()).length();
+        self.transform
+            .swept(radius, |to_world| self.placed_bounds(to_world))
+    }
+
+    /// World bounds under one map.
+    fn placed_bounds(&self, to_world: &DAffine3) -> (DVec3, DVec3) {
+        let rows = to_world.matrix3.transpose();
         let rows = [rows.x_axis, rows.y_axis, rows.z_axis];
         let (mut middle, mut half) = (DVec3::ZERO, DVec3::ONE);
         let reach = |f: &dyn Fn(DVec3) -> f64| DVec3::from(rows.map(f));
@@ -95,15 +110,14 @@ impl Instance {
             Shape::Disk { .. } => reach(&|r| r.truncate().length()),
             Shape::Quad => reach(&|r| r.x.abs() + r.y.abs()),
             Shape::Cylinder => reach(&|r| r.truncate().length() + r.z.abs()),
-            Shape::Box | Shape::Mesh(_) => {
-                if let Shape::Mesh(mesh) = &self.shape {
-                    let (low, high) = mesh.bounds();
-                    (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
-                }
+            Shape::Box => reach(&|r| r.abs().dot(half)),
+            Shape::Mesh(_) | Shape::Deforming(_) => {
+                let (low, high) = self.shape.bounds();
+                (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
                 reach(&|r| r.abs().dot(half))
             }
         };
-        let middle = placement.to_world.transform_point3(middle);
+        let middle = to_world.transform_point3(middle);
         (middle - half, middle + half)
     }
 }

@@ -213,17 +213,7 @@ impl Mesh {
             let step = u32::from(key(pair[0]) != key(pair[1]));
             welded[pair[1] as usize] = welded[pair[0] as usize] + step;
         }
-        // Each edge from its lower to its higher vertex, then its sense: closed means +, - in turn.
-        let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(count);
-        for w in welded.as_chunks::<3>().0 {
-            for (a, b) in [(w[0], w[1]), (w[1], w[2]), (w[2], w[0])] {
-                edges.push((a.min(b), a.max(b), a < b));
-            }
-        }
-        edges.sort_unstable();
-        edges
-            .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
-            .all(|e| e.len() == 2 && e[0].2 != e[1].2)
+        edges_pair_up(welded.as_chunks::<3>().0.iter().copied())
     }
 
     /// Largest coordinate in object space.
@@ -376,9 +366,24 @@ impl Mesh {
     }
 }
 
+/// Whether every edge of the triangles is shared by two of opposite winding.
+pub(super) fn edges_pair_up(triangles: impl ExactSizeIterator<Item = [u32; 3]>) -> bool {
+    // Each edge from its lower to its higher vertex, then its sense: closed means +, - in turn.
+    let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * triangles.len());
+    for w in triangles {
+        for (a, b) in [(w[0], w[1]), (w[1], w[2]), (w[2], w[0])] {
+            edges.push((a.min(b), a.max(b), a < b));
+        }
+    }
+    edges.sort_unstable();
+    edges
+        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+        .all(|e| e.len() == 2 && e[0].2 != e[1].2)
+}
+
 /// Twice the area times the unit normal.
 #[inline]
-fn winding_normal(corners: &Corners) -> DVec3 {
+pub(super) fn winding_normal(corners: &Corners) -> DVec3 {
     let [a, b, c] = corners.map(vec);
     (b - a).cross(c - a)
 }
@@ -389,12 +394,12 @@ fn bounds(corners: &Corners) -> (DVec3, DVec3) {
 }
 
 #[inline]
-fn vec(v: [f32; 3]) -> DVec3 {
+pub(super) fn vec(v: [f32; 3]) -> DVec3 {
     DVec3::from(v.map(f64::from))
 }
 
 /// Checks an attribute that must be absent or match the positions.
-fn check<const N: usize>(
+pub(super) fn check<const N: usize>(
     array: &'static str,
     values: &[[f32; N]],
     positions: usize,

@@ -5,22 +5,27 @@
 
 pub mod accel;
 mod analytic;
+pub mod deforming;
 pub mod endpoint;
 pub mod hit;
 pub mod instance;
 pub mod mesh;
 pub mod motion;
+pub mod pose;
 pub mod ray;
 pub mod shape;
+pub mod track;
 mod tree;
 mod tree_build;
 mod triangles;
 
 pub use accel::Accel;
+pub use deforming::Deforming;
 pub use endpoint::{DirectionalDensity, EndPoint};
 pub use hit::{Hit, SurfaceId, SurfacePoint};
 pub use instance::{Instance, InstanceId};
 pub use mesh::{Mesh, MeshError};
-pub use motion::Transform;
+pub use motion::{Link, Shutter, Transform};
+pub use pose::{Pose, Rotation};
 pub use ray::Ray;
 pub use shape::Shape;

@@ -16,7 +16,7 @@ pub struct Ray {
     pub d: DVec3,
     /// Hits are in (0, `t_max`); infinite for an open ray.
     pub t_max: f64,
-    /// Moment as a fraction of the shutter, in [0, 1].
+    /// Moment in seconds.
     pub time: f64,
     /// The face and root the origin lies on: never hit again; hits of other faces within the rounding error of the
     /// origin are ignored.

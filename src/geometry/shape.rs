@@ -1,12 +1,12 @@
 //! The closed set of shapes, each in its own object space.
 //!
 //! Analytic shapes have unit size and are placed by the transform of their instance. Sampling is uniform over the area
-//! in object space; [`super::Instance`] turns its density into one per world area.
+//! in object space (of a deforming mesh: over each triangle); [`super::Instance`] turns its density into one per world area.
 
 use super::analytic::{self, FaceHit};
 use super::ray::LocalRay;
-use super::{Mesh, SurfacePoint};
-use glam::{DVec2, DVec3};
+use super::{Deforming, Mesh, SurfacePoint};
+use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -28,6 +28,8 @@ pub enum Shape {
     Box,
     /// A triangle mesh.
     Mesh(Arc<Mesh>),
+    /// A triangle mesh whose vertices move.
+    Deforming(Arc<Deforming>),
 }
 
 /// A point sampled on a shape by area.
@@ -59,18 +61,33 @@ impl Shape {
             Self::Sphere | Self::Box => true,
             Self::Disk { .. } | Self::Quad | Self::Cylinder => false,
             Self::Mesh(mesh) => mesh.is_closed(),
+            Self::Deforming(mesh) => mesh.is_closed(),
         }
     }
 
-    /// Area in object space.
+    /// Area in object space at `time` (takes time linear in the triangles of a deforming mesh).
     #[must_use]
-    pub fn area(&self) -> f64 {
+    pub fn area(&self, time: f64) -> f64 {
         match self {
             Self::Sphere | Self::Cylinder => 4.0 * PI,
             Self::Disk { inner } => PI * (1.0 - inner * inner),
             Self::Quad => 4.0,
             Self::Box => 24.0,
             Self::Mesh(mesh) => mesh.area(),
+            Self::Deforming(mesh) => mesh.mapped_area(DMat3::IDENTITY, time),
+        }
+    }
+
+    /// Bounds in object space over the shutter.
+    #[must_use]
+    pub fn bounds(&self) -> (DVec3, DVec3) {
+        match self {
+            Self::Sphere | Self::Cylinder | Self::Box => (DVec3::NEG_ONE, DVec3::ONE),
+            Self::Disk { .. } | Self::Quad => {
+                (DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, 1.0, 0.0))
+            }
+            Self::Mesh(mesh) => mesh.bounds(),
+            Self::Deforming(mesh) => mesh.bounds(),
         }
     }
 
@@ -79,6 +96,7 @@ impl Shape {
     pub(super) fn extent(&self) -> f64 {
         match self {
             Self::Mesh(mesh) => mesh.extent(),
+            Self::Deforming(mesh) => mesh.extent(),
             _ => 1.0,
         }
     }
@@ -92,12 +110,12 @@ impl Shape {
             Self::Quad => analytic::quad(ray),
             Self::Cylinder => analytic::cylinder(ray),
             Self::Box => analytic::cube(ray),
-            Self::Mesh(_) => None,
+            Self::Mesh(_) | Self::Deforming(_) => None,
         }
     }
 
-    /// The point of face `prim` nearest to `p` (meshes: that with the barycentric `weights`).
-    pub(super) fn local_point(&self, prim: u32, p: DVec3, weights: DVec2) -> LocalPoint {
+    /// The point of face `prim` nearest to `p` (meshes: that with the barycentric `weights`) at `time`.
+    pub(super) fn local_point(&self, prim: u32, p: DVec3, weights: DVec2, time: f64) -> LocalPoint {
         let square = |q: DVec2| (q + 1.0) / 2.0;
         let flat = |p: DVec3, ng: DVec3, uv: DVec2| LocalPoint {
             p,
@@ -129,6 +147,7 @@ impl Shape {
                 )
             }
             Self::Mesh(mesh) => mesh.local_point(prim, weights),
+            Self::Deforming(mesh) => mesh.local_point(prim, weights, time),
         }
     }
 
@@ -149,11 +168,12 @@ impl Shape {
                 Some([(axis + 1) % 3, (axis + 2) % 3].map(|i| DVec3::AXES[i] * 2.0))
             }
             Self::Mesh(mesh) => mesh.tangents(prim),
+            Self::Deforming(_) => None,
         }
     }
 
-    /// A point uniform over the area in object space; `u_face` chooses the face, `u` the point on it.
-    pub(super) fn sample(&self, u_face: f64, u: DVec2) -> LocalPoint {
+    /// A point with density 1 / [`Self::inverse_density`]; `u_face` chooses the face, `u` the point on it.
+    pub(super) fn sample(&self, u_face: f64, u: DVec2, time: f64) -> LocalPoint {
         let (sin, cos) = (TAU * u.y).sin_cos();
         let ring = |r: f64, z: f64| DVec3::new(r * cos, r * sin, z);
         let (prim, p) = match self {
@@ -176,8 +196,19 @@ impl Shape {
                 (face, p)
             }
             Self::Mesh(mesh) => return mesh.sample(u_face, u),
+            Self::Deforming(mesh) => return mesh.sample(u_face, u, time),
         };
-        self.local_point(prim, p, DVec2::ZERO)
+        self.local_point(prim, p, DVec2::ZERO, time)
+    }
+
+    /// 1 / the density per object area with which [`Self::sample`] gives a point of face `prim`: the area, except of a deforming
+    /// mesh.
+    #[inline]
+    pub(super) fn inverse_density(&self, prim: u32, time: f64) -> f64 {
+        match self {
+            Self::Deforming(mesh) => mesh.inverse_density(prim, time),
+            _ => self.area(time),
+        }
     }
 }
 

@@ -268,9 +268,9 @@ impl Tree {
                 let node = &self.nodes[child.0 as usize];
                 // One line of 64 bytes each.
                 for axis in 0..3 {
-                    prefetch_index(&node.planes, axis);
+                    prefetch_index(node.planes.as_slice(), axis);
                 }
-                prefetch_index(&node.children, 0);
+                prefetch_index(node.children.as_slice(), 0);
             }
         }
     }

@@ -119,6 +119,14 @@ pub fn sample_pixel(
         |shared| shared.u_wavelength,
     );
     let wavelengths = scene.wavelengths.sample(u_wavelength, lanes);
+    let time = if scene.is_moving && !sensor.shutter.is_instant() {
+        let u = pass
+            .shared
+            .map_or_else(|| sampler.time(), |shared| shared.time);
+        sensor.shutter.at(u)
+    } else {
+        sensor.shutter.open_s
+    };
     let Workspace {
         media,
         light,
@@ -141,7 +149,7 @@ pub fn sample_pixel(
         pass,
         wavelengths,
         media,
-        time: pass.shared.map_or(0.0, |shared| shared.time),
+        time,
         response: weights,
     };
     let max_depth = settings.max_depth.map_or(usize::MAX - 8, |d| d as usize);

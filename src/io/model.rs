@@ -9,7 +9,7 @@ use crate::camera::Resolution;
 use crate::camera::orthographic::Orthographic;
 use crate::camera::perspective::Perspective;
 use crate::film::Filter;
-use crate::geometry::{Instance, Transform};
+use crate::geometry::{Instance, Shutter, Transform};
 use crate::light::Light;
 use crate::light::environment::EnvironmentLight;
 use crate::light::environment_image::EnvironmentImage;
@@ -187,6 +187,7 @@ impl ModelCamera {
             name: self.name.clone(),
             camera,
             filter,
+            shutter: Shutter::default(),
         }
     }
 }

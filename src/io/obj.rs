@@ -3,7 +3,8 @@
 //! All objects and groups of a file are one mesh. Polygons become triangle fans; points, lines and materials are ignored. Missing normals stay missing (flat shading). Whatever the bytes,
 //! the result is valid meshes or an error that names the file.
 
-use crate::geometry::{Mesh, MeshError};
+use crate::geometry::deforming::{self, DeformingError, Frame};
+use crate::geometry::{Mesh, MeshError, Shape, Shutter};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -63,6 +64,14 @@ pub enum ObjError {
 /// [`ObjError`] if the file cannot be read, is too large, is malformed, or has no face of nonzero area.
 pub fn load(path: impl AsRef<Path>) -> Result<Mesh, ObjError> {
     let path = path.as_ref();
+    load_arrays(path)?.mesh(path)
+}
+
+/// Reads the vertices and faces of a file.
+///
+/// # Errors
+/// [`ObjError`] if the file cannot be read, is too large, is malformed, or has no face.
+pub fn load_arrays(path: &Path) -> Result<Arrays, ObjError> {
     let open = |source| ObjError::Open {
         path: path.to_owned(),
         source,
@@ -81,11 +90,12 @@ pub fn load(path: impl AsRef<Path>) -> Result<Mesh, ObjError> {
 /// Parses arbitrary bytes and drops the result: the entry point for fuzzing. Never panics.
 pub fn fuzz_obj(bytes: &[u8]) {
     let mut reader = bytes;
-    drop(parse(&mut reader, Path::new("fuzz.obj")));
+    let path = Path::new("fuzz.obj");
+    drop(parse(&mut reader, path).and_then(|arrays| arrays.mesh(path)));
 }
 
 /// Reads OBJ text; `path` is for messages.
-fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Mesh, ObjError> {
+fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Arrays, ObjError> {
     let options = tobj::LoadOptions {
         triangulate: true,
         single_index: true,
@@ -115,12 +125,81 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Mesh, ObjError> {
             path: path.to_owned(),
         });
     }
-    Mesh::new(&all.positions, all.normals, all.uvs, all.triangles).map_err(|source| {
-        ObjError::Mesh {
-            path: path.to_owned(),
-            source,
+    Ok(all)
+}
+
+/// The mesh of several files, one per moment (seconds, ascending), over `shutter`. All have the same faces in the same order;
+/// texture coordinates are those of the first.
+///
+/// # Errors
+/// [`FramesError`] if the faces differ, or a frame is no mesh.
+pub fn deforming(mut frames: Vec<(f64, Arrays)>, shutter: Shutter) -> Result<Shape, FramesError> {
+    let Some((_, first)) = frames.first() else {
+        return Err(FramesError::Mesh(DeformingError::NotAscending));
+    };
+    let expected = first.triangles.len();
+    if let Some(frame) = frames.iter().position(|f| f.1.triangles.len() != expected) {
+        let count = frames[frame].1.triangles.len();
+        return Err(FramesError::Faces {
+            frame,
+            count,
+            expected,
+        });
+    }
+    // programs that write OBJ merge equal normals, so that a vertex of one file may be several of another
+    if frames
+        .iter()
+        .any(|f| f.1.triangles != frames[0].1.triangles)
+    {
+        for (_, arrays) in &mut frames {
+            arrays.unroll();
         }
-    })
+    }
+    let (uvs, triangles) = (
+        frames[0].1.uvs.take(),
+        std::mem::take(&mut frames[0].1.triangles),
+    );
+    let frames = frames
+        .into_iter()
+        .map(|(time_s, arrays)| Frame {
+            time_s,
+            positions: arrays.positions,
+            normals: arrays.normals,
+        })
+        .collect();
+    deforming::shape(frames, uvs, triangles, shutter).map_err(FramesError::Mesh)
+}
+
+/// Why files are not the frames of one mesh.
+#[derive(Debug, thiserror::Error)]
+pub enum FramesError {
+    /// A file has other faces than the first.
+    #[error("{count} triangles where the first frame has {expected}")]
+    Faces {
+        /// Which frame, from 0.
+        frame: usize,
+        /// Its triangles.
+        count: usize,
+        /// Those of the first.
+        expected: usize,
+    },
+    /// The frames are no mesh.
+    #[error("{0}")]
+    Mesh(DeformingError),
+}
+
+impl FramesError {
+    /// Which frame, from 0.
+    #[must_use]
+    pub fn frame(&self) -> usize {
+        match self {
+            Self::Faces { frame, .. }
+            | Self::Mesh(
+                DeformingError::Mesh { frame, .. } | DeformingError::WrongCount { frame, .. },
+            ) => *frame,
+            Self::Mesh(DeformingError::NotAscending) => 0,
+        }
+    }
 }
 
 /// OBJ text with a group started every [`GROUP_FACES`] faces.
@@ -162,9 +241,9 @@ impl<R: BufRead> Read for Grouped<R> {
     }
 }
 
-/// The vertices and faces of all objects read so far.
-#[derive(Default)]
-struct Arrays {
+/// The vertices and faces of a file: all its objects.
+#[derive(Debug, Default)]
+pub struct Arrays {
     positions: Vec<[f32; 3]>,
     /// `None` once an object has vertices without one: attributes of some faces only are no attributes of the mesh.
     normals: Option<Vec<[f32; 3]>>,
@@ -173,6 +252,36 @@ struct Arrays {
 }
 
 impl Arrays {
+    /// The mesh of these; `path` is for messages.
+    fn mesh(self, path: &Path) -> Result<Mesh, ObjError> {
+        Mesh::new(&self.positions, self.normals, self.uvs, self.triangles).map_err(|source| {
+            ObjError::Mesh {
+                path: path.to_owned(),
+                source,
+            }
+        })
+    }
+
+    /// Gives every corner of every triangle a vertex of its own.
+    fn unroll(&mut self) {
+        let corners = self.triangles.as_flattened();
+        let each = |v: &u32| *v as usize;
+        if corners.iter().any(|v| each(v) >= self.positions.len()) {
+            // refused as a mesh later
+            return;
+        }
+        self.positions = corners.iter().map(|v| self.positions[each(v)]).collect();
+        if let Some(normals) = &mut self.normals {
+            *normals = corners.iter().map(|v| normals[each(v)]).collect();
+        }
+        if let Some(uvs) = &mut self.uvs {
+            *uvs = corners.iter().map(|v| uvs[each(v)]).collect();
+        }
+        self.triangles = (0..self.triangles.len() as u32)
+            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+            .collect();
+    }
+
     fn append(&mut self, mesh: &tobj::Mesh) {
         if mesh.indices.is_empty() {
             return;
@@ -207,7 +316,8 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<Mesh, ObjError> {
-        parse(&mut text.as_bytes(), Path::new("some.obj"))
+        let path = Path::new("some.obj");
+        parse(&mut text.as_bytes(), path)?.mesh(path)
     }
 
     const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
@@ -224,6 +334,19 @@ mod tests {
         let mesh = read(&format!("{SQUARE}o a\nf 1 2 3\no b\nf 1 3 4\n")).expect("valid");
         assert_eq!(mesh.triangle_count(), 2);
         assert!((mesh.area() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_groups_handed_to_tobj_are_one_mesh() {
+        let faces = 2 * GROUP_FACES + 7;
+        let normals = "vn 0 0 1\n";
+        let text = format!(
+            "{SQUARE}{normals}{}f -4//1 -2//1 -1//1",
+            "f 1//1 2//1 3//1\n".repeat(faces - 1)
+        );
+        let mesh = read(&text).expect("valid");
+        assert_eq!((mesh.triangle_count(), mesh.dropped()), (faces, 0));
+        assert!((mesh.area() - faces as f64 / 2.0).abs() < 1e-6);
     }
 
     #[test]

@@ -16,7 +16,9 @@ pub mod point;
 pub mod selection;
 pub mod spot;
 
-use crate::geometry::{Accel, DirectionalDensity, EndPoint, SurfacePoint, Transform};
+use crate::geometry::{
+    Accel, DirectionalDensity, EndPoint, Link, Shutter, SurfacePoint, Transform,
+};
 use crate::math::{frame::Frame, sampling};
 use crate::spectrum::{Emission, SampledSpectrum, SampledWavelengths};
 use crate::texture::Image;
@@ -36,7 +38,7 @@ pub struct LightContext<'a> {
     pub center: DVec3,
     /// Radius `R_s` of the scene's bounding sphere.
     pub radius: f64,
-    /// Moment as a fraction of the shutter.
+    /// Moment in seconds.
     pub time: f64,
 }
 
@@ -130,6 +132,39 @@ impl Light {
         };
         *emission = f(std::mem::take(emission));
         self
+    }
+
+    /// Where a light that is not a surface is over the shutter; `None` for area lights (their instance has it) and for an
+    /// environment, which is the same from everywhere.
+    #[must_use]
+    pub fn transform(&self) -> Option<&Transform> {
+        match self {
+            Self::Area(_) | Self::Environment(_) => None,
+            Self::Point(light) => Some(&light.transform),
+            Self::Spot(light) => Some(&light.transform),
+            Self::Directional(light) => Some(&light.transform),
+            Self::Beam(light) => Some(&light.transform),
+        }
+    }
+
+    /// The same light inside a hierarchy of moving `parents` (the outermost first; without scale) over `shutter`.
+    #[must_use]
+    pub fn under(mut self, parents: &[Link], shutter: Shutter) -> Self {
+        let transform = match &mut self {
+            Self::Area(_) | Self::Environment(_) => return self,
+            Self::Point(light) => &mut light.transform,
+            Self::Spot(light) => &mut light.transform,
+            Self::Directional(light) => &mut light.transform,
+            Self::Beam(light) => &mut light.transform,
+        };
+        *transform = transform.under(parents, shutter);
+        self
+    }
+
+    /// Whether it is infinitely far away.
+    #[must_use]
+    pub fn is_infinite(&self) -> bool {
+        matches!(self, Self::Directional(_) | Self::Environment(_))
     }
 
     /// Emitted power weighted by visibility (any common unit): for choosing lights.

@@ -74,7 +74,7 @@ pub fn choose(frame: &Frame, response: &SensorResponse) -> EpsilonChoice {
             epsilon: FALLBACK,
             reason: "no path of the pilot joins a specular surface to another one".to_owned(),
         },
-        Some((prior, why)) => pilot.refined(prior, why),
+        Some((prior, why)) => pilot.refined(prior, &why),
     }
 }
 
@@ -140,9 +140,10 @@ impl Pilot<'_> {
 
     /// For every specular vertex beside a non-specular one: ε by the blur in pixels, and by the light seen from there.
     fn of_subpath(&self, path: &Subpath, (x, y): (u32, u32)) -> Vec<(f64, f64)> {
-        let camera = &self.frame.scene.sensors[self.frame.sensor].camera;
+        let sensor = &self.frame.scene.sensors[self.frame.sensor];
+        let time = sensor.shutter.at(0.5);
         let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-        let at = |raster| camera.sample_ray(raster, DVec2::splat(0.5), 0.0);
+        let at = |raster| sensor.camera.sample_ray(raster, DVec2::splat(0.5), time);
         let (here, next) = (at(raster), at(raster + DVec2::X));
         let offset = 0.5 * here.xk.p.distance(next.xk.p);
         let half_angle = 0.5 * here.direction.angle_between(next.direction);
@@ -174,7 +175,7 @@ impl Pilot<'_> {
     /// Angular radius of the lights seen from a point, weighted by their power.
     fn light_angle(&self, p: glam::DVec3) -> f64 {
         let scene = self.frame.scene;
-        let context = scene.light_context(0.0);
+        let context = scene.light_context(scene.sensors[self.frame.sensor].shutter.at(0.5));
         scene
             .lights
             .iter()
@@ -186,7 +187,7 @@ impl Pilot<'_> {
     }
 
     /// The prior, moved to where squared bias and variance balance.
-    fn refined(&self, prior: f64, why: String) -> EpsilonChoice {
+    fn refined(&self, prior: f64, why: &str) -> EpsilonChoice {
         let columns = self.film.x1.div_ceil(REGION);
         let regions = (columns * self.film.y1.div_ceil(REGION)) as usize;
         let passes: Vec<Vec<Sums>> = (0..PASSES)

@@ -1,4 +1,4 @@
-//! First-hit images: depth, normal and albedo through each pixel's centre.
+//! First-hit images: depth, normal and albedo through each pixel's centre, in the middle of the shutter.
 
 use crate::bsdf::Interface;
 use crate::film::Crop;
@@ -35,10 +35,10 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
         .flat_map_iter(|y| (crop.x0..crop.x1).map(move |x| (x, y)))
         .map(|(x, y)| {
             let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let start = scene.sensors[sensor]
-                .camera
-                .sample_ray(raster, DVec2::splat(0.5), 0.0);
-            let mut ray = Ray::leaving(start.xk.p, start.direction, 0.0, start.xk.surface);
+            let sensor = &scene.sensors[sensor];
+            let time = sensor.shutter.at(0.5);
+            let start = sensor.camera.sample_ray(raster, DVec2::splat(0.5), time);
+            let mut ray = Ray::leaving(start.xk.p, start.direction, time, start.xk.surface);
             let visible =
                 |id: crate::geometry::InstanceId| scene.objects[id.0 as usize].sensor.is_none();
             let mut passed = 0.0;
@@ -51,10 +51,10 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                 if !scene.objects[hit.id.instance.0 as usize].covered
                     || scene.coverage(&point) >= 0.5
                 {
-                    break (hit, scene.shading_point(point, 0.0));
+                    break (hit, scene.shading_point(point, time));
                 }
                 passed += hit.t;
-                ray = Ray::leaving(point.p, ray.d, 0.0, Some(point.id));
+                ray = Ray::leaving(point.p, ray.d, time, Some(point.id));
             };
             let material =
                 &scene.materials[scene.objects[hit.id.instance.0 as usize].material.0 as usize];

@@ -95,12 +95,10 @@ impl<'a> Render<'a> {
         let first = self.epsilon.as_ref()?.epsilon;
         let settings = &self.frame.settings.regularization;
         let scheduled = |i| scheduled_epsilon(first, settings.epsilon_min, i);
-        Some(if !settings.bias_estimate {
-            scheduled(index)
-        } else if index & 1 == 0 {
-            scheduled(index)
-        } else {
+        Some(if settings.bias_estimate && index & 1 == 1 {
             scheduled(index - 1) * std::f64::consts::FRAC_1_SQRT_2
+        } else {
+            scheduled(index)
         })
     }
 

@@ -6,6 +6,9 @@
 //! Wavelengths have a sequence of their own, over pixels and passes at once: one digital net in base 2 (Niederreiter, "Point sets
 //! and sequences with small discrepancy", 1987), scrambled as a whole (Owen 1995). Any aligned block of 2^p pixels in Morton
 //! order over any aligned 2^q passes of a half has one wavelength in each of 2^(p+q) strata.
+//!
+//! Times are stratified over the passes of a pixel, and together with its wavelengths: the pairs of any aligned 2^q passes of
+//! a half lie one in each of 2^q boxes, whatever their shape (the (0,2)-sequence of Sobol').
 
 use crate::math::hash::{combine, random_bits, unit_f64};
 use sobol_burley::parts::owen_scramble_rev;
@@ -68,6 +71,15 @@ impl Sampler {
         (f64::from(stratum) + unit_f64(random_bits(self.key, u64::MAX))) * (1.0 / 4_294_967_296.0)
     }
 
+    /// The number of the moment in the shutter, in [0, 1).
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        let scramble = combine(self.scramble, 0x7469_6d65) as u32;
+        let stratum = owen_scramble_rev(pascal_transposed(self.index), scramble).reverse_bits();
+        (f64::from(stratum) + unit_f64(random_bits(self.key, u64::MAX - 1)))
+            * (1.0 / 4_294_967_296.0)
+    }
+
     /// The numbers of one stream, from its start.
     #[must_use]
     pub fn stream(&self, stream: Stream) -> StreamSampler {
@@ -113,6 +125,16 @@ fn pascal(n: u32) -> u32 {
     let n = n ^ (n & 0x0f0f_0f0f) << 4;
     let n = n ^ (n & 0x00ff_00ff) << 8;
     n ^ n << 16
+}
+
+/// The transpose of Pascal's triangle modulo 2 times the bits of `n`: sums over supersets. The first b rows of this and the first a
+/// of Pascal's triangle are independent over the first a + b columns.
+fn pascal_transposed(n: u32) -> u32 {
+    let n = n ^ (n >> 1) & 0x5555_5555;
+    let n = n ^ (n >> 2) & 0x3333_3333;
+    let n = n ^ (n >> 4) & 0x0f0f_0f0f;
+    let n = n ^ (n >> 8) & 0x00ff_00ff;
+    n ^ n >> 16
 }
 
 /// The numbers of one stream, in sets of four.
@@ -208,6 +230,25 @@ mod tests {
                     let hit = strata((p, q), start, n0, half, seed);
                     assert!(hit.iter().all(|&h| h == 1), "2^{p} pixels, 2^{q} passes");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn times_and_wavelengths_of_a_pixel_are_stratified_together() {
+        for (start, half, seed) in [(0, 0, 1), (256, 1, 99)] {
+            for a in 0..=8 {
+                // boxes of 2^-a by 2^-(8 - a)
+                let (columns, rows) = (1 << a, 1 << (8 - a));
+                let mut hit = vec![0; 256];
+                for n in start..start + 256 {
+                    let sampler = Sampler::new(seed, 0, 77, 2 * n + half);
+                    let (u, v) = (sampler.wavelength((7, 5), (64, 64), seed), sampler.time());
+                    assert!((0.0..1.0).contains(&v));
+                    let cell = |u: f64, count: usize| (u * count as f64) as usize;
+                    hit[cell(u, columns) * rows + cell(v, rows)] += 1;
+                }
+                assert!(hit.iter().all(|&h| h == 1), "{columns} x {rows}: {hit:?}");
             }
         }
     }

@@ -5,7 +5,7 @@ use super::effects::find_effects;
 use super::probe::stack_at;
 use super::{Object, Scene, Sensor};
 use crate::camera::Camera;
-use crate::geometry::{Accel, Instance, InstanceId, Shape};
+use crate::geometry::{Accel, Instance, InstanceId, Shape, Shutter, Transform};
 use crate::light::area::AreaLight;
 use crate::light::beam::BeamLight;
 use crate::light::point::PointLight;
@@ -33,6 +33,14 @@ pub enum BuildError {
         /// Its name.
         name: String,
     },
+    /// The medium around a light or sensor is another one at another time.
+    #[error("{what} \"{name}\" moves from one medium into another while the shutter is open")]
+    ChangingMedium {
+        /// "light" or "sensor".
+        what: &'static str,
+        /// Its name.
+        name: String,
+    },
     /// More instances than ids.
     #[error("the scene has more than {0} surfaces")]
     TooManyInstances(u32),
@@ -46,6 +54,9 @@ const PROBES: [[f64; 3]; 5] = [
     [0.3, 0.08, 0.94],
     [0.7, 0.92, 0.91],
 ];
+
+/// Moments of the shutter at which media are looked for and powers averaged where something moves, as fractions.
+const MOMENTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
 impl Scene {
     /// Builds a scene.
@@ -141,19 +152,46 @@ impl Scene {
                 name: sensor.name,
                 camera: sensor.camera,
                 filter: sensor.filter,
+                shutter: sensor.shutter,
                 stack: MediumStack::new(ambient),
             });
         }
 
         let accel = Accel::build(instances);
         let (center, radius) = bounding_sphere(&accel);
-        let context = LightContext {
-            accel: &accel,
-            center,
-            radius,
-            time: 0.0,
+        let shutter = placed
+            .iter()
+            .map(|sensor| sensor.shutter)
+            .reduce(Shutter::union)
+            .unwrap_or_default();
+        let is_moving = accel.instances().iter().any(Instance::is_moving)
+            || lights
+                .iter()
+                .filter_map(Light::transform)
+                .any(Transform::is_moving)
+            || placed
+                .iter()
+                .any(|sensor| sensor.camera.transform().is_moving());
+        let moments = |shutter: Shutter| -> Vec<f64> {
+            if is_moving && !shutter.is_instant() {
+                MOMENTS.iter().map(|&u| shutter.at(u)).collect()
+            } else {
+                vec![shutter.open_s]
+            }
         };
-        let powers: Vec<f64> = lights.iter().map(|l| l.power(&context)).collect();
+        let contexts: Vec<LightContext> = moments(shutter)
+            .into_iter()
+            .map(|time| LightContext {
+                accel: &accel,
+                center,
+                radius,
+                time,
+            })
+            .collect();
+        let mean_power = |light: &Light| {
+            contexts.iter().map(|c| light.power(c)).sum::<f64>() / contexts.len() as f64
+        };
+        let powers: Vec<f64> = lights.iter().map(mean_power).collect();
         if !powers.iter().any(|&p| p > 0.0) {
             return Err(BuildError::NoLight);
         }
@@ -161,20 +199,16 @@ impl Scene {
 
         let mut light_stacks = Vec::with_capacity(lights.len());
         for (light, name) in lights.iter().zip(&light_names) {
-            let stack = light_stack(&accel, &objects, &context, light, ambient);
-            light_stacks.push(stack.ok_or_else(|| BuildError::UnclearMedium {
-                what: "light",
-                name: name.clone(),
-            })?);
+            let stacks = contexts
+                .iter()
+                .map(|context| light_stack(&accel, &objects, context, light, ambient));
+            light_stacks.push(lasting(stacks, "light", name)?);
         }
         for sensor in &mut placed {
-            sensor.stack =
-                sensor_stack(&accel, &objects, &sensor.camera, ambient).ok_or_else(|| {
-                    BuildError::UnclearMedium {
-                        what: "sensor",
-                        name: sensor.name.clone(),
-                    }
-                })?;
+            let stacks = moments(sensor.shutter)
+                .into_iter()
+                .map(|time| sensor_stack(&accel, &objects, &sensor.camera, time, ambient));
+            sensor.stack = lasting(stacks, "sensor", &sensor.name)?;
         }
         let environments = (0..lights.len())
             .filter(|&i| matches!(lights[i], Light::Environment(_)))
@@ -195,6 +229,7 @@ impl Scene {
             wavelengths: distribution,
             center,
             radius,
+            is_moving,
             effects: Vec::new(),
             hash,
         };
@@ -243,6 +278,24 @@ fn bounding_sphere(accel: &Accel) -> (DVec3, f64) {
     })
 }
 
+/// The stack that is found at all moments.
+fn lasting(
+    stacks: impl Iterator<Item = Option<MediumStack>>,
+    what: &'static str,
+    name: &str,
+) -> Result<MediumStack, BuildError> {
+    let mut found: Option<MediumStack> = None;
+    for stack in stacks {
+        let name = || name.to_owned();
+        let stack = stack.ok_or_else(|| BuildError::UnclearMedium { what, name: name() })?;
+        if found.as_ref().is_some_and(|first| *first != stack) {
+            return Err(BuildError::ChangingMedium { what, name: name() });
+        }
+        found = Some(stack);
+    }
+    Ok(found.expect("invariant: there is at least one moment"))
+}
+
 fn light_stack(
     accel: &Accel,
     objects: &[Object],
@@ -258,7 +311,15 @@ fn light_stack(
                 let point = instance
                     .sample_area(area.instance, context.time, u, DVec2::new(v, w))
                     .point;
-                let stack = stack_at(accel, objects, point.p, point.ng, Some(point.id), ambient)?;
+                let stack = stack_at(
+                    accel,
+                    objects,
+                    point.p,
+                    point.ng,
+                    Some(point.id),
+                    context.time,
+                    ambient,
+                )?;
                 if found.as_ref().is_some_and(|first| *first != stack) {
                     return None;
                 }
@@ -270,7 +331,7 @@ fn light_stack(
         | Light::Spot(SpotLight { transform, .. })
         | Light::Beam(BeamLight { transform, .. }) => {
             let p = transform.at(context.time).to_world.translation;
-            stack_at(accel, objects, p, DVec3::ZERO, None, ambient)
+            stack_at(accel, objects, p, DVec3::ZERO, None, context.time, ambient)
         }
         Light::Directional(_) | Light::Environment(_) => Some(MediumStack::new(ambient)),
     }
@@ -280,19 +341,21 @@ fn sensor_stack(
     accel: &Accel,
     objects: &[Object],
     camera: &Camera,
+    time: f64,
     ambient: MediumId,
 ) -> Option<MediumStack> {
     let resolution = camera.resolution();
     let size = DVec2::new(f64::from(resolution.width), f64::from(resolution.height));
     let mut found: Option<MediumStack> = None;
     for [u, v, _] in PROBES {
-        let sample = camera.sample_ray(DVec2::new(u, v) * size, DVec2::new(v, u), 0.0);
+        let sample = camera.sample_ray(DVec2::new(u, v) * size, DVec2::new(v, u), time);
         let stack = stack_at(
             accel,
             objects,
             sample.xk.p,
             sample.xk.n,
             sample.xk.surface,
+            time,
             ambient,
         )?;
         if found.as_ref().is_some_and(|first| *first != stack) {

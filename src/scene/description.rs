@@ -2,7 +2,7 @@
 
 use crate::camera::Camera;
 use crate::film::Filter;
-use crate::geometry::{Shape, Transform};
+use crate::geometry::{Shape, Shutter, Transform};
 use crate::light::Light;
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, Medium, MediumId};
@@ -55,6 +55,8 @@ pub struct SensorDescription {
     pub camera: Camera,
     /// Reconstruction filter (detectors: box of one pixel).
     pub filter: Filter,
+    /// When it measures. What moves has its motion over the union of the shutters of all sensors.
+    pub shutter: Shutter,
 }
 
 /// Which wavelengths a render draws.

@@ -34,11 +34,7 @@ pub fn find_effects(scene: &Scene) -> Vec<Effect> {
         .objects
         .iter()
         .find(|o| scene.materials[o.material.0 as usize].has_specular());
-    let moving = scene
-        .accel
-        .instances()
-        .iter()
-        .position(|i| i.transform.is_moving());
+    let moving = scene.moving().first().map(|&m| scene.name_of(m));
     let lines = scene
         .lights
         .iter()
@@ -73,8 +69,8 @@ pub fn find_effects(scene: &Scene) -> Vec<Effect> {
         ),
         effect(
             "motion",
-            moving.map(|i| format!("object \"{}\" moves", scene.objects[i].name)),
-            "nothing moves",
+            moving.map(|(kind, name)| format!("{kind} \"{name}\" moves")),
+            "nothing moves while a shutter is open",
         ),
         effect(
             "lines",

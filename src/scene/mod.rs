@@ -3,6 +3,7 @@
 pub mod build;
 pub mod description;
 pub mod effects;
+pub mod moving;
 pub mod probe;
 pub mod regularization;
 pub mod settings;
@@ -13,7 +14,7 @@ pub use settings::Settings;
 
 use crate::camera::Camera;
 use crate::film::Filter;
-use crate::geometry::{Accel, InstanceId, Ray, SurfacePoint};
+use crate::geometry::{Accel, InstanceId, Ray, Shutter, SurfacePoint};
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightContext, LightId};
 use crate::material::{Material, MaterialId};
@@ -54,6 +55,8 @@ pub struct Sensor {
     pub camera: Camera,
     /// Reconstruction filter.
     pub filter: Filter,
+    /// When it measures.
+    pub shutter: Shutter,
     /// The solids it is in.
     pub stack: MediumStack,
 }
@@ -87,6 +90,8 @@ pub struct Scene {
     pub center: DVec3,
     /// Radius of the bounding sphere in metres.
     pub radius: f64,
+    /// Whether anything moves: only then do paths draw a time.
+    pub is_moving: bool,
     /// What the scene calls for.
     pub effects: Vec<Effect>,
     /// Whether any object is there only in part.

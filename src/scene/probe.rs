@@ -16,7 +16,7 @@ const DIRECTIONS: [DVec3; 3] = [
     DVec3::new(0.214_83, -0.431_27, 0.876_28),
 ];
 
-/// The stack at `p`, on the side of `normal` where `p` lies on the surface `start`. `None` where three rays disagree: a solid is open
+/// The stack at `p` and `time`, on the side of `normal` where `p` lies on the surface `start`. `None` where three rays disagree: a solid is open
 /// there, or a surface cuts through.
 #[must_use]
 pub fn stack_at(
@@ -25,6 +25,7 @@ pub fn stack_at(
     p: DVec3,
     normal: DVec3,
     start: Option<SurfaceId>,
+    time: f64,
     ambient: MediumId,
 ) -> Option<MediumStack> {
     let frame = Frame::from_z(if normal == DVec3::ZERO {
@@ -37,7 +38,7 @@ pub fn stack_at(
         let stack = along(
             accel,
             objects,
-            Ray::leaving(p, frame.to_outer(direction.normalize()), 0.0, start),
+            Ray::leaving(p, frame.to_outer(direction.normalize()), time, start),
             ambient,
         )?;
         if found.as_ref().is_some_and(|first| *first != stack) {

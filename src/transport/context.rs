@@ -80,7 +80,7 @@ pub struct PathContext<'a> {
     pub wavelengths: SampledWavelengths,
     /// Every medium of the scene at these wavelengths.
     pub media: &'a [MediumLanes],
-    /// Its moment, as a fraction of the shutter.
+    /// Its moment, in seconds.
     pub time: f64,
     /// What each lane counts for where contributions are compared (mean of the sensor's channels per unit of `C_j`).
     pub response: [f64; MAX_LANES],

@@ -143,7 +143,7 @@ impl<'a> Multipliers<'a> {
         let mut candidates = possible().filter(|&s| self.regularized(s) == fewest);
         match rule {
             SingleRule::Light => candidates.next(),
-            SingleRule::Camera => candidates.last(),
+            SingleRule::Camera => candidates.next_back(),
             // of equally long ones the last, as elsewhere the one towards the camera
             SingleRule::ShortestEdge => candidates.rev().min_by(|&a, &b| {
                 self.path

@@ -218,7 +218,7 @@ impl FullPath {
                     SingleRule::Light => candidates.reverse(),
                     SingleRule::Camera => {}
                     SingleRule::ShortestEdge => {
-                        candidates.sort_by(|&a, &b| self.lengths[b].total_cmp(&self.lengths[a]))
+                        candidates.sort_by(|&a, &b| self.lengths[b].total_cmp(&self.lengths[a]));
                     }
                 }
                 f64::from(u8::from(candidates.last() == Some(&s)))

@@ -1,5 +1,6 @@
 //! Properties of ray queries that no picture would show: no leaks, no re-hits, no preferred scale.
 
 mod exclusion;
+mod motion;
 mod support;
 mod watertight;

@@ -7,15 +7,15 @@
 use super::harness::{Estimate, Measured, measure, scene, test_scale, with};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
 
-struct Case {
-    name: &'static str,
-    text: &'static str,
-    batches: u32,
+pub struct Case {
+    pub name: &'static str,
+    pub text: &'static str,
+    pub batches: u32,
     /// Passes of path, light, bdpt.
-    passes: [u32; 3],
-    classes: &'static [&'static str],
+    pub passes: [u32; 3],
+    pub classes: &'static [&'static str],
     /// Largest standard error of a difference, as a share of the mean.
-    resolution: f64,
+    pub resolution: f64,
 }
 
 const LIMIT: f64 = 4.5;
@@ -60,7 +60,7 @@ fn assert_planted_error_is_seen(name: &str, reference: &Estimate, bdpt: &Measure
     );
 }
 
-fn run(case: &Case) {
+pub fn run(case: &Case) {
     let (scene, settings) = scene(case.text);
     let scale = test_scale();
     let [path, light, bdpt] = [

@@ -11,5 +11,6 @@ mod equality;
 mod harness;
 mod lanes;
 mod models;
+mod motion;
 mod regularized;
 mod scale;

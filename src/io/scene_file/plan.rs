@@ -2,6 +2,7 @@
 //! [`super::resolve`] is to look up library names and to build the renderer's own types.
 
 use super::schema::{FilterName, OutputUnits};
+use crate::geometry::{Link, Shutter};
 use crate::io::model::ModelKind;
 use crate::medium::Boundary;
 use crate::scene::description::WavelengthSettings;
@@ -294,9 +295,18 @@ pub enum LobePlan {
     },
 }
 
-/// A mesh file.
+/// A mesh: a file, or one per moment.
 #[derive(Clone, Debug)]
 pub struct MeshPlan {
+    /// At ascending times, at least one.
+    pub frames: Vec<FramePlan>,
+}
+
+/// A mesh file.
+#[derive(Clone, Debug)]
+pub struct FramePlan {
+    /// Seconds.
+    pub time_s: f64,
     /// The file, canonical.
     pub path: PathBuf,
     /// As written.
@@ -333,6 +343,8 @@ pub struct ObjectPlan {
     pub shape: ShapePlan,
     /// To the world, metres.
     pub to_world: DAffine3,
+    /// What moves it in the world, the outermost first.
+    pub motion: Vec<Link>,
     /// Index into the materials.
     pub material: u32,
     /// Media.
@@ -348,6 +360,8 @@ pub struct ObjectPlan {
 pub struct LightPlan {
     /// Name or position.
     pub name: String,
+    /// What moves it in the world, the outermost first.
+    pub motion: Vec<Link>,
     /// Kind.
     pub kind: LightKind,
 }
@@ -412,6 +426,10 @@ pub struct SensorPlan {
     pub filter: Option<FilterName>,
     /// Radius in pixels; `None`: the filter's own.
     pub filter_radius: Option<f64>,
+    /// When it measures.
+    pub shutter: Shutter,
+    /// What moves it in the world, the outermost first.
+    pub motion: Vec<Link>,
     /// Kind.
     pub kind: SensorKind,
 }

@@ -7,8 +7,8 @@ mod model;
 use super::document::Source;
 use super::error::{Problem, SceneFileError, SceneFileErrors};
 use super::plan::{
-    AbsorptionPlan, IorPlan, LightKind, LightPlan, MaterialPlan, MediumPlan, MeshPlan, ObjectPlan,
-    Plan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
+    AbsorptionPlan, FramePlan, IorPlan, LightKind, LightPlan, MaterialPlan, MediumPlan, MeshPlan,
+    ObjectPlan, Plan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
 };
 use super::schema::FilterName;
 use crate::camera::detector::Detector;
@@ -16,7 +16,7 @@ use crate::camera::orthographic::Orthographic;
 use crate::camera::perspective::{Perspective, ThinLens};
 use crate::camera::{Camera, Resolution};
 use crate::film::Filter as FilmFilter;
-use crate::geometry::{Mesh, Shape, Transform};
+use crate::geometry::{Link, Shape, Shutter, Transform};
 use crate::io::model::ModelKind;
 use crate::io::{obj, ply};
 use crate::light::Light;
@@ -59,6 +59,12 @@ pub fn resolve(
             .map(MaterialPlan::texture_at)
             .collect(),
         notes: Vec::new(),
+        shutter: plan
+            .sensors
+            .iter()
+            .map(|sensor| sensor.shutter)
+            .reduce(Shutter::union)
+            .unwrap_or_default(),
         errors: Vec::new(),
     };
     let description = resolver.scene(plan, hash);
@@ -79,6 +85,8 @@ struct Resolver<'a> {
     textured: Vec<Option<Span>>,
     /// What models say of themselves.
     notes: Vec<String>,
+    /// From the first sensor to open to the last to close.
+    shutter: Shutter,
     errors: Vec<SceneFileError>,
 }
 
@@ -88,7 +96,7 @@ impl Resolver<'_> {
     }
 
     fn scene(&mut self, plan: &Plan, hash: u64) -> SceneDescription {
-        let meshes: Vec<Option<Arc<Mesh>>> = plan.meshes.iter().map(|m| self.mesh(m)).collect();
+        let meshes: Vec<Option<Shape>> = plan.meshes.iter().map(|m| self.mesh(m)).collect();
         let mut scene = SceneDescription {
             media: plan.media.iter().map(|m| self.medium(m)).collect(),
             materials: plan.materials.iter().map(|m| self.material(m)).collect(),
@@ -98,7 +106,7 @@ impl Resolver<'_> {
                 .filter_map(|o| self.object(o, &meshes))
                 .collect(),
             lights: plan.lights.iter().map(|l| self.light(l)).collect(),
-            sensors: plan.sensors.iter().map(sensor).collect(),
+            sensors: plan.sensors.iter().map(|s| self.sensor(s)).collect(),
             wavelengths: plan.wavelengths.clone(),
             ambient: MediumId::AMBIENT,
             hash,
@@ -285,33 +293,53 @@ impl Resolver<'_> {
         }
     }
 
-    fn mesh(&mut self, plan: &MeshPlan) -> Option<Arc<Mesh>> {
-        let read = match plan.kind {
-            ModelKind::Ply => ply::load(&plan.path),
-            _ => obj::load(&plan.path).map_err(|e| e.to_string()),
+    fn mesh(&mut self, plan: &MeshPlan) -> Option<Shape> {
+        let bad = |frame: &FramePlan, message: String| Problem::BadFile {
+            path: frame.name.clone(),
+            message,
         };
-        match read {
-            Ok(mesh) => Some(Arc::new(mesh)),
-            Err(message) => {
-                self.bad_file(&plan.at, &plan.name, message);
+        if let [file] = plan.frames.as_slice() {
+            let read = match file.kind {
+                ModelKind::Ply => ply::load(&file.path),
+                _ => obj::load(&file.path).map_err(|e| e.to_string()),
+            };
+            return match read {
+                Ok(mesh) => Some(Shape::Mesh(Arc::new(mesh))),
+                Err(message) => {
+                    self.error(&file.at, bad(file, message));
+                    None
+                }
+            };
+        }
+        let mut frames = Vec::with_capacity(plan.frames.len());
+        for file in &plan.frames {
+            match obj::load_arrays(&file.path) {
+                Ok(arrays) => frames.push((file.time_s, arrays)),
+                Err(error) => self.error(&file.at, bad(file, error.to_string())),
+            }
+        }
+        if frames.len() < plan.frames.len() {
+            return None;
+        }
+        match obj::deforming(frames, self.shutter) {
+            Ok(shape) => Some(shape),
+            Err(error) => {
+                let file = &plan.frames[error.frame().min(plan.frames.len() - 1)];
+                self.error(&file.at, bad(file, error.to_string()));
                 None
             }
         }
     }
 
     /// `None` where its mesh could not be read, which has been reported.
-    fn object(
-        &mut self,
-        plan: &ObjectPlan,
-        meshes: &[Option<Arc<Mesh>>],
-    ) -> Option<ObjectDescription> {
+    fn object(&mut self, plan: &ObjectPlan, meshes: &[Option<Shape>]) -> Option<ObjectDescription> {
         let shape = match plan.shape {
             ShapePlan::Sphere => Shape::Sphere,
             ShapePlan::Disk { inner } => Shape::Disk { inner },
             ShapePlan::Quad => Shape::Quad,
             ShapePlan::Cylinder => Shape::Cylinder,
             ShapePlan::Box => Shape::Box,
-            ShapePlan::Mesh(index) => Shape::Mesh(meshes.get(index)?.clone()?),
+            ShapePlan::Mesh(index) => meshes.get(index)?.clone()?,
         };
         if let (Some(at), Boundary::Solid { .. }, false) =
             (&plan.interior_at, plan.boundary, shape.is_closed())
@@ -320,11 +348,17 @@ impl Resolver<'_> {
                            through it in opposite directions)";
             self.error(at, Problem::Conflict(message.to_owned()));
         }
-        if let (Shape::Mesh(mesh), Some(at)) = (&shape, self.textured_at(plan))
-            && !mesh.has_texture_coordinates()
-        {
-            let message = "a texture on a mesh without texture coordinates";
-            self.error(&at, Problem::Conflict(message.to_owned()));
+        if let Some(at) = self.textured_at(plan) {
+            let message = match &shape {
+                Shape::Mesh(mesh) if !mesh.has_texture_coordinates() => {
+                    Some("a texture on a mesh without texture coordinates")
+                }
+                Shape::Deforming(_) => Some("a texture on a mesh that changes its form"),
+                _ => None,
+            };
+            if let Some(message) = message {
+                self.error(&at, Problem::Conflict(message.to_owned()));
+            }
         }
         let emission = plan.emission.as_ref().map(|(spectrum, two_sided)| {
             let (radiance, pattern) = match &spectrum.source {
@@ -347,7 +381,7 @@ impl Resolver<'_> {
         Some(ObjectDescription {
             name: plan.name.clone(),
             shape,
-            transform: Transform::fixed(plan.to_world),
+            transform: self.placed(plan.to_world, &plan.motion),
             material: MaterialId(plan.material),
             boundary: plan.boundary,
             emission,
@@ -410,9 +444,31 @@ impl Resolver<'_> {
                 }
             }
         };
+        let light = if plan.motion.is_empty() {
+            light
+        } else {
+            light.under(&plan.motion, self.shutter)
+        };
         LightDescription {
             name: plan.name.clone(),
             light,
+        }
+    }
+
+    fn sensor(&self, plan: &SensorPlan) -> SensorDescription {
+        let mut sensor = sensor(plan);
+        if !plan.motion.is_empty() {
+            sensor.camera = sensor.camera.under(&plan.motion, self.shutter);
+        }
+        sensor
+    }
+
+    fn placed(&self, to_world: DAffine3, motion: &[Link]) -> Transform {
+        let fixed = Transform::fixed(to_world);
+        if motion.is_empty() {
+            fixed
+        } else {
+            fixed.under(motion, self.shutter)
         }
     }
 }
@@ -486,6 +542,7 @@ fn sensor(plan: &SensorPlan) -> SensorDescription {
         name: plan.name.clone(),
         camera,
         filter,
+        shutter: plan.shutter,
     }
 }
 

@@ -1,5 +1,6 @@
 //! From what the file says to a [`Plan`]: ranges, units, names, files. Nothing here stops at the first problem.
 
+mod motion;
 mod object;
 mod optics;
 mod render;
@@ -10,7 +11,9 @@ mod texture;
 use super::document::Source;
 use super::error::{Problem, SceneFileError};
 use super::files;
-use super::plan::{IorPlan, MaterialPlan, MediumPlan, MeshPlan, Plan, Span, SpectrumPlan};
+use super::plan::{
+    IorPlan, LightPlan, MaterialPlan, MediumPlan, MeshPlan, Plan, Span, SpectrumPlan,
+};
 use super::schema::{At, Named, SceneFile};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -118,7 +121,7 @@ impl Checker<'_> {
             &medium_ids,
             &mesh_ids,
         );
-        let lights = file
+        let lights: Vec<LightPlan> = file
             .light
             .iter()
             .enumerate()
@@ -130,6 +133,7 @@ impl Checker<'_> {
         } else {
             self.sensors(&file.sensor, &file.render)
         };
+        self.still_motion(&objects, &lights, &sensors);
         Plan {
             media,
             materials,

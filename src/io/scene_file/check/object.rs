@@ -2,20 +2,22 @@
 
 use super::super::files::MAX_OBJ_BYTES;
 use super::super::plan::{
-    ImagePlan, LightKind, LightPlan, LobePlan, MaterialPlan, MeshPlan, ModelPlan, ObjectPlan,
-    ShapePlan, Span,
+    FramePlan, ImagePlan, LightKind, LightPlan, LobePlan, MaterialPlan, MeshPlan, ModelPlan,
+    ObjectPlan, ShapePlan, Span,
 };
 use super::super::schema::{
     At, Environment, Light, Material, Mesh, Model, NameOr, Named, Object, Quad, Render, Scale,
     TransformStep,
 };
+use super::motion::May;
 use super::spectrum::Use;
-use super::{Allowed, Checker, NON_NEGATIVE, POSITIVE, label};
+use super::{Allowed, Checker, FINITE, NON_NEGATIVE, POSITIVE, label};
 use crate::io::image_file::MAX_IMAGE_BYTES;
 use crate::io::model::{MAX_MODEL_BYTES, ModelKind};
 use crate::medium::{Boundary, MediumId};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 /// The image of an environment that is built in.
 const STUDIO: &str = "builtin:studio";
@@ -23,6 +25,8 @@ const HALF_ANGLE: Allowed = Allowed {
     text: "above 0, at most 180 degrees",
     test: |v| v > 0.0 && v <= 180.0,
 };
+/// Most frames of a mesh.
+const MAX_FRAMES: usize = 1024;
 /// Material without lobes: the last one of the plan.
 type Materials = [MaterialPlan];
 
@@ -38,23 +42,48 @@ impl Checker<'_> {
         ids
     }
 
-    /// The index of a mesh file: the same file is read once.
+    /// The index of a mesh: the same one is read once.
     fn mesh(&mut self, mesh: &Mesh, at: &Span) -> Option<usize> {
-        let choices = [("obj", mesh.obj.is_some()), ("ply", mesh.ply.is_some())];
-        self.exactly_one(at, "mesh", &choices)?;
-        let (file, kind) = match (&mesh.obj, &mesh.ply) {
-            (Some(file), _) => (file, ModelKind::Obj),
-            (None, file) => (file.as_ref()?, ModelKind::Ply),
+        let frames = match (&mesh.obj, &mesh.ply, &mesh.frames) {
+            (Some(obj), None, None) => vec![self.mesh_file(0.0, obj, ModelKind::Obj)?],
+            (None, Some(ply), None) => vec![self.mesh_file(0.0, ply, ModelKind::Ply)?],
+            (None, None, Some(frames)) => {
+                let given = frames.get_ref();
+                if given.is_empty() || given.len() > MAX_FRAMES {
+                    let message = format!("{} frames (allowed: 1 to {MAX_FRAMES})", given.len());
+                    self.conflict(&frames.span(), message);
+                    return None;
+                }
+                let mut plans = Vec::with_capacity(given.len());
+                let mut last = f64::NEG_INFINITY;
+                for frame in given {
+                    let time = self.number("time", &frame.get_ref().time, FINITE);
+                    if time <= last {
+                        self.conflict(
+                            &frame.get_ref().time.span(),
+                            "time is not above that of the frame before",
+                        );
+                    }
+                    last = time;
+                    plans.push(self.mesh_file(time, &frame.get_ref().obj, ModelKind::Obj));
+                }
+                plans.into_iter().collect::<Option<Vec<FramePlan>>>()?
+            }
+            _ => {
+                self.conflict(at, "a mesh needs one of obj, ply and frames");
+                return None;
+            }
         };
-        let path = self.file(file, MAX_OBJ_BYTES)?;
-        let known = self.meshes.iter().position(|m| m.path == path);
+        let key = |frames: &[FramePlan]| -> Vec<(u64, PathBuf)> {
+            let one = |f: &FramePlan| (f.time_s.to_bits(), f.path.clone());
+            frames.iter().map(one).collect()
+        };
+        let known = self
+            .meshes
+            .iter()
+            .position(|m| key(&m.frames) == key(&frames));
         Some(known.unwrap_or_else(|| {
-            self.meshes.push(MeshPlan {
-                path,
-                name: file.get_ref().clone(),
-                at: file.span(),
-                kind,
-            });
+            self.meshes.push(MeshPlan { frames });
             self.meshes.len() - 1
         }))
     }
@@ -140,6 +169,16 @@ impl Checker<'_> {
         LightKind::Environment { radiance, image }
     }
 
+    fn mesh_file(&mut self, time_s: f64, file: &At<String>, kind: ModelKind) -> Option<FramePlan> {
+        Some(FramePlan {
+            time_s,
+            path: self.file(file, MAX_OBJ_BYTES)?,
+            name: file.get_ref().clone(),
+            at: file.span(),
+            kind,
+        })
+    }
+
     pub(super) fn objects(
         &mut self,
         objects: &[At<Object>],
@@ -214,11 +253,13 @@ impl Checker<'_> {
             if singular && self.errors.len() == errors_before {
                 self.conflict(&at, "the object has no volume or area after its transform (allowed: an invertible transform)");
             }
+            let motion = self.motion(&o.motion, May::Scale);
             let interior_at = o.interior.as_ref().map(At::span);
             plans.push(ObjectPlan {
                 name,
                 shape,
                 to_world,
+                motion,
                 material: material as u32,
                 boundary,
                 emission,
@@ -529,7 +570,14 @@ impl Checker<'_> {
         } else {
             self.environment(l.environment.as_ref()?)
         };
-        Some(LightPlan { name, kind })
+        if let (Some(motion), LightKind::Environment { .. }) = (l.motion.first(), &kind) {
+            self.conflict(
+                &motion.span(),
+                "an environment is the same from everywhere: it cannot move (allowed: motion for lights with a place or direction)",
+            );
+        }
+        let motion = self.motion(&l.motion, May::KeepSize);
+        Some(LightPlan { name, motion, kind })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::super::plan::{SensorKind, SensorPlan, Span};
 use super::super::schema::{At, Detector, Orthographic, Perspective, Render, Sensor};
+use super::motion::May;
 use super::object::affine;
 use super::{Allowed, Checker, NON_NEGATIVE, POSITIVE, label};
 use glam::{DAffine3, DMat3, DVec3};
@@ -59,11 +60,15 @@ impl Checker<'_> {
                 self.conflict(&r.span(), "resolution and pitch exclude each other");
             }
             let resolution = given.or(own_resolution).unwrap_or(DEFAULT_RESOLUTION);
+            let shutter = self.shutter(s.shutter.as_ref());
+            let motion = self.motion(&s.motion, May::KeepSize);
             plans.push(SensorPlan {
                 name,
                 resolution,
                 filter,
                 filter_radius,
+                shutter,
+                motion,
                 kind,
             });
         }

@@ -2,6 +2,7 @@
 //!
 //! No flattened, internally tagged or untagged tables: serde buffers those and loses the place of an error.
 
+mod motion;
 mod object;
 mod optics;
 mod render;
@@ -9,6 +10,7 @@ mod sensor;
 mod spectrum;
 mod texture;
 
+pub use motion::{InterpolationName, Motion, MotionKey};
 pub use object::{Environment, Light, Mesh, Model, Object, Quad, Scale, TransformStep};
 pub use optics::{
     Absorption, Coated, Conductor, Dielectric, Diffuse, Lobe, Material, Medium, Mirror, Thin,

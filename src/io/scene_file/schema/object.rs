@@ -1,15 +1,17 @@
 //! `[mesh.NAME]`, `[[object]]` and `[[light]]`.
 
+use super::motion::Motion;
 use super::spectrum::Spectrum;
 use super::{At, NameOr};
 use serde::Deserialize;
 
-/// A mesh that several objects use.
+/// A mesh that several objects use: a file, or one per moment.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
     pub obj: Option<At<String>>,
     pub ply: Option<At<String>>,
+    pub frames: Option<At<Vec<At<MeshFrame>>>>,
 }
 
 /// A file of another program with all it holds: exactly one of the first three keys.
@@ -25,7 +27,15 @@ pub struct Model {
     pub lights: Option<bool>,
 }
 
-/// The name of a `[mesh.NAME]`, or `{ obj = "file.obj" }`.
+/// The form of a mesh at one moment.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshFrame {
+    pub time: At<f64>,
+    pub obj: At<String>,
+}
+
+/// The name of a `[mesh.NAME]`, or its keys.
 pub type MeshSource = NameOr<Mesh>;
 
 /// A surface: exactly one shape.
@@ -42,6 +52,8 @@ pub struct Object {
     pub mesh: Option<At<MeshSource>>,
     #[serde(default)]
     pub transform: Vec<At<TransformStep>>,
+    #[serde(default)]
+    pub motion: Vec<At<Motion>>,
     pub material: Option<At<String>>,
     pub interior: Option<At<String>>,
     pub priority: Option<At<i32>>,
@@ -135,6 +147,8 @@ pub struct Light {
     pub directional: Option<At<Directional>>,
     pub beam: Option<At<Beam>>,
     pub environment: Option<At<Environment>>,
+    #[serde(default)]
+    pub motion: Vec<At<Motion>>,
 }
 
 #[derive(Debug, Deserialize)]

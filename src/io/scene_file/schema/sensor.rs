@@ -1,6 +1,7 @@
 //! `[[sensor]]`.
 
 use super::At;
+use super::motion::Motion;
 use super::render::FilterName;
 use serde::Deserialize;
 
@@ -11,6 +12,9 @@ pub struct Sensor {
     pub resolution: Option<At<[i64; 2]>>,
     pub filter: Option<FilterName>,
     pub filter_radius: Option<At<f64>>,
+    pub shutter: Option<At<[f64; 2]>>,
+    #[serde(default)]
+    pub motion: Vec<At<Motion>>,
     pub perspective: Option<At<Perspective>>,
     pub orthographic: Option<At<Orthographic>>,
     pub detector: Option<At<Detector>>,

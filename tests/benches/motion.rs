@@ -1,0 +1,195 @@
+//! What motion costs per ray: the same rays, in the space of the thing, against a thing at rest, one that moves rigidly, and one that
+//! changes its form.
+//!
+//! A sphere of 39,600 triangles with edges of about 0.03. Rays are chords between random points of a sphere about it, at random
+//! times. Deforming: all vertices go the same way, by half an edge, 5 and 25 edges. Run on one thread.
+
+use abbe::geometry::deforming::{self, Frame};
+use abbe::geometry::pose::{Pose, Rotation};
+use abbe::geometry::track::{Interpolation, Track};
+use abbe::geometry::{Accel, Instance, Link, Mesh, Ray, Shape, Shutter, Transform};
+use abbe::math::hash;
+use divan::Bencher;
+use divan::counter::ItemsCount;
+use glam::{DAffine3, DVec3, dvec3};
+use std::f64::consts::{PI, TAU};
+use std::hint::black_box;
+use std::sync::{Arc, LazyLock};
+
+const RAYS: u64 = 50_000;
+const SHUTTER: Shutter = Shutter {
+    open_s: 0.0,
+    close_s: 1.0,
+};
+const EDGE: f64 = 0.03;
+const ROWS: u32 = 100;
+
+type Points = Vec<[f32; 3]>;
+
+/// Vertices and triangles of the sphere of radius 1, with single vertices at the poles.
+static SPHERE: LazyLock<(Points, Vec<[u32; 3]>)> = LazyLock::new(|| {
+    let columns = 2 * ROWS;
+    let vertex = |row: u32, column: u32| {
+        let theta = PI * f64::from(row) / f64::from(ROWS);
+        let phi = TAU * f64::from(column) / f64::from(columns);
+        let (sin, cos) = theta.sin_cos();
+        dvec3(sin * phi.cos(), cos, sin * phi.sin())
+            .as_vec3()
+            .to_array()
+    };
+    let mut positions = vec![vertex(0, 0)];
+    for row in 1..ROWS {
+        positions.extend((0..columns).map(|column| vertex(row, column)));
+    }
+    positions.push(vertex(ROWS, 0));
+    let last = positions.len() as u32 - 1;
+    let index = |row: u32, column: u32| match row {
+        0 => 0,
+        r if r == ROWS => last,
+        r => 1 + (r - 1) * columns + column % columns,
+    };
+    let mut triangles = Vec::new();
+    for row in 0..ROWS {
+        for c in 0..columns {
+            let (a, b) = (index(row, c), index(row, c + 1));
+            let (d, e) = (index(row + 1, c), index(row + 1, c + 1));
+            triangles.extend([[a, b, e], [a, e, d]]);
+        }
+    }
+    triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+    (positions, triangles)
+});
+
+static MESH: LazyLock<Shape> = LazyLock::new(|| {
+    let (positions, triangles) = &*SPHERE;
+    Shape::Mesh(Arc::new(
+        Mesh::new(positions, None, None, triangles.clone()).expect("a valid mesh"),
+    ))
+});
+
+fn swept(edges: f64) -> Shape {
+    let (positions, triangles) = &*SPHERE;
+    let shift = (dvec3(0.6, 0.0, 0.8) * edges * EDGE).as_vec3();
+    let moved = positions
+        .iter()
+        .map(|p| [p[0] + shift.x, p[1], p[2] + shift.z]);
+    let frame = |time_s: f64, positions: Points| Frame {
+        time_s,
+        positions,
+        normals: None,
+    };
+    let frames = vec![frame(0.0, positions.clone()), frame(1.0, moved.collect())];
+    deforming::shape(frames, None, triangles.clone(), SHUTTER).expect("a valid mesh")
+}
+
+fn slide() -> Link {
+    let keys = [(0.0, DVec3::ZERO), (1.0, dvec3(2.0, 0.3, 0.0))];
+    Link::Keyed(Pose {
+        translation: Some(Track::new(&keys, Interpolation::Linear).expect("valid")),
+        ..Pose::default()
+    })
+}
+
+fn spin() -> Link {
+    Link::Keyed(Pose {
+        rotation: Some(Rotation::Spin {
+            axis: dvec3(0.6, 0.8, 0.0),
+            angle_rad: Track::new(&[(0.0, 0.0), (1.0, TAU)], Interpolation::Linear).expect("valid"),
+        }),
+        ..Pose::default()
+    })
+}
+
+/// A fixed stream of numbers in [0, 1).
+fn numbers() -> impl FnMut() -> f64 {
+    let mut i = 0u64;
+    move || {
+        i += 1;
+        hash::unit_f64(hash::random_bits(1, i))
+    }
+}
+
+fn on_sphere(u: f64, v: f64) -> DVec3 {
+    let z = 1.0 - 2.0 * u;
+    let r = (1.0 - z * z).sqrt();
+    dvec3(r * (TAU * v).cos(), r * (TAU * v).sin(), z)
+}
+
+/// Rays per second; the same chords in the thing's own space, wherever it is at the time of the ray.
+fn run(bencher: Bencher, shape: Shape, transform: Transform) {
+    let mut next = numbers();
+    let rays: Vec<Ray> = (0..RAYS)
+        .map(|_| {
+            let mut end = || on_sphere(next(), next()) * 1.02;
+            let (a, b) = (end(), end());
+            let time = next();
+            let place = transform.at(time).to_world;
+            let (a, b) = (place.transform_point3(a), place.transform_point3(b));
+            Ray::new(a, (b - a).normalize(), time)
+        })
+        .collect();
+    let accel = Accel::build(vec![Instance { shape, transform }]);
+    bencher
+        .counter(ItemsCount::new(rays.len()))
+        .bench_local(|| {
+            rays.iter()
+                .filter(|ray| accel.closest(black_box(ray), |_| true).is_some())
+                .count()
+        });
+}
+
+fn at_rest() -> Transform {
+    Transform::fixed(DAffine3::IDENTITY)
+}
+
+#[divan::bench(sample_count = 15, sample_size = 1)]
+fn mesh_at_rest(bencher: Bencher) {
+    run(bencher, MESH.clone(), at_rest());
+}
+
+#[divan::bench(sample_count = 15, sample_size = 1)]
+fn mesh_slides(bencher: Bencher) {
+    run(bencher, MESH.clone(), Transform::chain(&[slide()], SHUTTER));
+}
+
+#[divan::bench(sample_count = 15, sample_size = 1)]
+fn mesh_spins_and_slides(bencher: Bencher) {
+    run(
+        bencher,
+        MESH.clone(),
+        Transform::chain(&[slide(), spin()], SHUTTER),
+    );
+}
+
+#[divan::bench(args = [0.5, 5.0, 25.0], sample_count = 15, sample_size = 1)]
+fn mesh_deforms(bencher: Bencher, edges: f64) {
+    run(bencher, swept(edges), at_rest());
+}
+
+#[divan::bench(sample_count = 15, sample_size = 1)]
+fn sphere_at_rest(bencher: Bencher) {
+    run(bencher, Shape::Sphere, at_rest());
+}
+
+#[divan::bench(sample_count = 15, sample_size = 1)]
+fn sphere_spins_and_slides(bencher: Bencher) {
+    run(
+        bencher,
+        Shape::Sphere,
+        Transform::chain(&[slide(), spin()], SHUTTER),
+    );
+}
+
+#[expect(clippy::print_stdout, reason = "the output of a benchmark")]
+fn main() {
+    for edges in [0.5, 5.0, 25.0] {
+        if let Shape::Deforming(mesh) = swept(edges) {
+            let (parts, bytes) = (mesh.segment_count(), mesh.bytes());
+            println!(
+                "{edges} edges: {parts} parts of the shutter, {:.0} MB",
+                bytes as f64 / 1e6
+            );
+        }
+    }
+    divan::main();
+}
