@@ -25,7 +25,7 @@ use crate::spectrum::{Curve, Emission, Ior, upsample};
 use crate::texture::{Image, ImageTexture, ScalarTexture, SpectrumTexture};
 use glam::DAffine3;
 use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -49,9 +49,27 @@ pub fn fuzz_model(bytes: &[u8]) {
     _ = parse(bytes, Path::new("/nonexistent"), DAffine3::IDENTITY);
 }
 
+/// Materials, and their indices by name.
+type MaterialFile = (Vec<tobj::Material>, HashMap<String, usize>);
+
+/// Reads an MTL file. Colors are looked at first: tobj takes for granted that each has three numbers.
+fn read_mtl(bytes: &[u8]) -> Result<MaterialFile, String> {
+    let text = String::from_utf8_lossy(bytes);
+    for (i, line) in text.lines().enumerate() {
+        let mut words = line.split_whitespace();
+        let is_color = words
+            .next()
+            .is_some_and(|k| ["Ka", "Kd", "Ks", "Ke"].contains(&k));
+        if is_color && words.take(3).count() < 3 {
+            return Err(format!("line {}: a color needs three numbers", i + 1));
+        }
+    }
+    tobj::load_mtl_buf(&mut text.as_bytes()).map_err(|e| e.to_string())
+}
+
 /// Reads any bytes as an MTL file: must not panic.
 pub fn fuzz_mtl(bytes: &[u8]) {
-    if let Ok((materials, _)) = tobj::load_mtl_buf(&mut &*bytes) {
+    if let Ok((materials, _)) = read_mtl(bytes) {
         let mut reader = Reader {
             folder: Path::new("/nonexistent"),
             model: Model::default(),
@@ -120,19 +138,16 @@ fn parse(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, Strin
         let read = files::find(folder, &text, MAX_MTL_BYTES)
             .map_err(|problem| problem.to_string())
             .and_then(|path| std::fs::read(path).map_err(|e| e.to_string()));
-        match read {
-            Ok(bytes) => {
-                let own = super::scene_file::document::hash_bytes(&bytes);
-                hash.set(combine(hash.get(), own));
-                tobj::load_mtl_buf(&mut &*bytes)
-            }
-            Err(message) => {
-                notes
-                    .borrow_mut()
-                    .push(format!("materials are not read: {message}"));
-                Err(tobj::LoadError::OpenFileFailed)
-            }
-        }
+        let read = read.and_then(|bytes| {
+            let own = super::scene_file::document::hash_bytes(&bytes);
+            hash.set(combine(hash.get(), own));
+            read_mtl(&bytes).map_err(|message| format!("file \"{text}\": {message}"))
+        });
+        read.map_err(|message| {
+            let note = format!("materials are not read: {message}");
+            notes.borrow_mut().push(note);
+            tobj::LoadError::MaterialParseError
+        })
     })
     .map_err(|e| format!("not a valid OBJ file: {e}"))?;
     let materials = materials.unwrap_or_default();
@@ -502,6 +517,10 @@ mod tests {
             "{:?}",
             model.notes
         );
+        std::fs::write(folder.path().join("m.mtl"), "newmtl red\nKd 1 0\n").expect("file");
+        let model = parse(OBJ.as_bytes(), folder.path(), DAffine3::IDENTITY).expect("valid");
+        let note = "materials are not read: file \"m.mtl\": line 2: a color needs three numbers";
+        assert_eq!(model.notes, [note]);
         assert_eq!(
             parse(b"v 0 0 0\n", folder.path(), DAffine3::IDENTITY)
                 .err()
