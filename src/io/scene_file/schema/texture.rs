@@ -3,7 +3,7 @@
 use super::{At, NameOr};
 use serde::Deserialize;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use std::fmt;
 
 /// An image file, or a table that says how it lies on the surface.
@@ -87,7 +87,11 @@ impl<'de> Deserialize<'de> for Scalar {
                 Ok(Scalar::Number(value as f64))
             }
             fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Scalar, A::Error> {
-                <[f64; 2]>::deserialize(SeqAccessDeserializer::new(seq)).map(Scalar::Pair)
+                let list = Vec::<f64>::deserialize(SeqAccessDeserializer::new(seq))?;
+                let length = list.len();
+                let pair = <[f64; 2]>::try_from(list);
+                pair.map(Scalar::Pair)
+                    .map_err(|_| Error::invalid_length(length, &self))
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Scalar, A::Error> {
                 let image = ScalarImage::deserialize(MapAccessDeserializer::new(map))?;
