@@ -3,7 +3,7 @@
 //! The kind is told by the first bytes, not by the name. Sizes are checked against a limit, and against what so few bytes
 //! can hold, before anything of that size is allocated.
 
-use super::exr::{self, ExrImage};
+use super::exr::{ExrImage, decode as decode_exr};
 use crate::texture::{Image, MAX_TEXELS};
 use std::io::Cursor;
 use std::path::Path;
@@ -105,7 +105,7 @@ fn jpeg(bytes: &[u8], srgb: bool, limit: u64) -> Result<Image, String> {
 }
 
 fn open_exr(bytes: &[u8], samples: u64) -> Result<Image, String> {
-    let image = exr::decode(Path::new("image"), bytes, samples)
+    let image = decode_exr(Path::new("image"), bytes, samples)
         .map_err(|e| e.to_string().trim_start_matches("image: ").to_owned())?;
     let channel = |name: &str| image.channels.iter().find(|c| c.name == name);
     let channels = match (channel("R"), channel("G"), channel("B"), channel("Y")) {

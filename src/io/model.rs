@@ -3,7 +3,8 @@
 //! A model brings surfaces and materials, and what lights and cameras its file has; [`Model::add_to`] puts it into a scene.
 //! Where a scene has no camera or light at all, [`standard_camera`] and [`studio`] stand in.
 
-use super::{gltf, mtl, ply};
+use super::gltf::read as read_gltf;
+use super::{mtl, ply};
 use crate::camera::Camera;
 use crate::camera::Resolution;
 use crate::camera::orthographic::Orthographic;
@@ -121,7 +122,7 @@ impl ModelKind {
 pub fn load(path: &Path, kind: ModelKind, to_world: DAffine3) -> Result<Model, String> {
     let folder = path.parent().unwrap_or(Path::new("."));
     match kind {
-        ModelKind::Gltf => gltf::read(&read_file(path)?, folder, to_world),
+        ModelKind::Gltf => read_gltf(&read_file(path)?, folder, to_world),
         ModelKind::Obj => mtl::load(path, to_world),
         ModelKind::Ply => ply::load(path).map(|mesh| mtl::plain(mesh, path, to_world)),
     }

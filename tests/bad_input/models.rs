@@ -120,7 +120,11 @@ fn hostile_files_get_exact_messages() {
             json!("file:///etc/passwd"),
             "buffer 0: URI \"file:///etc/passwd\" is not read",
         ),
-        ("/nodes/0/matrix", json!(vec![1e300; 16]), "not glTF"),
+        (
+            "/nodes/0/matrix",
+            json!(vec![1e300; 16]),
+            "the transform of node 0 is not finite",
+        ),
         (
             "/nodes/0/matrix",
             json!(vec![3e38; 16]),

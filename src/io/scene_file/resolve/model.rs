@@ -4,7 +4,8 @@ use super::super::plan::{ImagePlan, Plan, TexturePlan};
 use super::super::schema::OutputUnits;
 use super::{Resolver, film_filter};
 use crate::camera::Resolution;
-use crate::io::{gltf, model};
+use crate::io::gltf::PER_NIT;
+use crate::io::model;
 use crate::light::Light;
 use crate::light::environment::EnvironmentLight;
 use crate::light::environment_image::EnvironmentImage;
@@ -86,7 +87,7 @@ impl Resolver<'_> {
                 .push("no light: a studio of built-in lamps is used".to_owned());
             let level = match plan.units {
                 OutputUnits::Radiance => 1.0,
-                OutputUnits::Photometric => gltf::PER_NIT,
+                OutputUnits::Photometric => PER_NIT,
             };
             scene.lights.push(LightDescription {
                 name: "studio".to_owned(),
