@@ -26,7 +26,7 @@ const SIBLINGS: [(&str, &str); 1] = [("material", "bsdf")];
 const MAX_LINES: usize = 700;
 /// Crates that only some files may name, so that replacing one touches only those.
 const CRATES: [(&str, &[&str]); 7] = [
-    ("obvhs", &["geometry/accel.rs", "geometry/mesh.rs"]),
+    ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
         &["io/scene_file/", "spectrum/read.rs", "spectrum/library.rs"],

@@ -7,7 +7,9 @@ use super::{CliError, Outcome, glass, print, stats, summary};
 use crate::camera::Camera;
 use crate::geometry::{Shape, Shutter};
 use crate::light::Light;
+use crate::scene::effects::Effect;
 use crate::scene::moving::Moving;
+use crate::scene::regularization::decide;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -24,6 +26,19 @@ pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
         to_text(&loaded)
     });
     Ok(Outcome::Done)
+}
+
+/// What the scene calls for, and whether each sensor is regularized.
+fn effects(loaded: &Loaded) -> Vec<Effect> {
+    let decided = |sensor| decide(&loaded.scene, sensor, &loaded.settings).effect();
+    let sensors = 0..loaded.scene.sensors.len();
+    loaded
+        .scene
+        .effects
+        .iter()
+        .cloned()
+        .chain(sensors.map(decided))
+        .collect()
 }
 
 fn camera_kind(camera: &Camera) -> &'static str {
@@ -181,7 +196,7 @@ fn to_text(loaded: &Loaded) -> String {
         }
         text.push('\n');
     }
-    text += &summary::effects(&scene.effects);
+    text += &summary::effects(&effects(loaded));
     let (films, meshes) = (films_bytes(loaded), geometry_bytes(scene));
     _ = writeln!(
         text,
@@ -232,7 +247,7 @@ fn to_json(loaded: &Loaded) -> Value {
         "lights": lights.collect::<Vec<_>>(),
         "motion": motion.collect::<Vec<_>>(),
         "media": media.collect::<Vec<_>>(),
-        "effects": stats::effects_json(loaded),
+        "effects": stats::effects_json(&effects(loaded)),
         "memory_bytes": { "films": films_bytes(loaded), "meshes": geometry_bytes(scene) },
     })
 }

@@ -3,6 +3,7 @@
 //! Results go to stdout; progress, warnings and errors go to stderr, errors as one line each beginning with `error:`.
 
 mod args;
+mod banding;
 mod compare;
 mod error;
 mod glass;
@@ -51,6 +52,7 @@ pub fn run() -> ExitCode {
         Command::Compare(options) => compare::run(&options),
         Command::Glass(options) => glass::run(&options),
         Command::Merge(options) => merge::run(&options),
+        Command::Banding(options) => banding::run(&options),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

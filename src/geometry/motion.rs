@@ -179,7 +179,7 @@ impl Motion {
                 Link::Keyed(pose) => Some(pose.at(shutter.open_s, false)),
             };
             match (still, merged.last_mut()) {
-                (Some(map), Some(Link::Fixed(last))) => *last = *last * map,
+                (Some(map), Some(Link::Fixed(last))) => *last *= map,
                 (Some(map), _) => merged.push(Link::Fixed(map)),
                 (None, _) => merged.push(link.clone()),
             }

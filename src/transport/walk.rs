@@ -38,6 +38,8 @@ pub struct Start {
     pub generate: Side,
     /// At most this many scattering vertices.
     pub max_vertices: usize,
+    /// Ends at the first vertex that scatters under a non-specular label.
+    pub specular_only: bool,
 }
 
 /// Density of the direction a walk travels in.
@@ -90,6 +92,7 @@ pub fn walk(
         infinite,
         generate,
         max_vertices,
+        specular_only,
     } = start;
     let reference = throughput.max_lane(context.count());
     let mut travel = Travel::Start(pdf);
@@ -145,7 +148,10 @@ pub fn walk(
             return;
         }
 
-        throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
+        // light from infinity is given as it arrives
+        if !(infinite && path.vertices.is_empty()) {
+            throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
+        }
         let geometric_cos = ray.d.dot(point.ng).abs();
         let own = travel.area_density(geometric_cos, distance * distance);
         let (here, there) = (stack.region(), behind.region());
@@ -205,6 +211,9 @@ pub fn walk(
         let density = &mut path.densities[index + 1];
         density.label = sample.label;
         density.dispersive = sample.dispersive;
+        if specular_only && !sample.label.is_specular() {
+            return;
+        }
         let survival = survival(index, throughput.max_lane(context.count()) / reference);
         if numbers[3] >= survival {
             return;
@@ -327,6 +336,10 @@ fn record_sensor_hit(
         distance: distance_counted,
         medium: stack.medium(),
         density,
-        throughput: throughput.times(&context.medium(stack.medium()).transmittance(distance)),
+        throughput: if distance_counted.is_finite() {
+            throughput.times(&context.medium(stack.medium()).transmittance(distance))
+        } else {
+            throughput
+        },
     });
 }

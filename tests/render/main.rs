@@ -10,6 +10,7 @@ mod determinism;
 mod equality;
 mod harness;
 mod lanes;
+mod merging;
 mod motion;
 mod regularized;
 mod scale;

@@ -194,6 +194,15 @@ impl Checker<'_> {
             );
             lobes.extend(lobe.map(|lobe| (weight, lobe)));
         }
+        let has = |kind: fn(&LobePlan) -> bool| lobes.iter().any(|(_, lobe)| kind(lobe));
+        if has(|l| matches!(l, LobePlan::Thin { .. }))
+            && has(|l| matches!(l, LobePlan::Dielectric { .. }))
+        {
+            self.conflict(
+                &mix.span(),
+                "thin and dielectric do not mix: one passes light straight, the other bends it",
+            );
+        }
         let sum: f64 = lobes.iter().map(|l| l.0).sum();
         if sum > 1.0 + 1e-9 {
             let what = "the sum of the weights".to_owned();

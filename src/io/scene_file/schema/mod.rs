@@ -16,7 +16,7 @@ pub use optics::{
 };
 pub use render::{
     Epsilon, FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, RegularizeName,
-    Render, SingleRuleName, WavelengthName, WavelengthTable, Wavelengths,
+    Render, SharingName, SingleRuleName, WavelengthName, WavelengthTable, Wavelengths,
 };
 pub use sensor::{Detector, Orthographic, Perspective, Sensor};
 pub use spectrum::{Spectrum, SpectrumTable};
