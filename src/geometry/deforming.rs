@@ -83,7 +83,7 @@ const MOST_SEGMENTS: usize = 16;
 /// Most leaves of all segments of a mesh together (some 3 GB).
 const MOST_LEAVES: usize = 1 << 28;
 /// Twice the segments must leave at most this share of the triangles tested per ray.
-const WORTHWHILE: f64 = 0.8;
+const WORTHWHILE: f64 = 0.65;
 /// Rays by which tests are measured.
 const TRIAL_RAYS: u64 = 512;
 

@@ -418,7 +418,9 @@ mod tests {
         match deforming(frames, shutter).expect("same faces") {
             Shape::Deforming(mesh) => {
                 assert_eq!(mesh.triangle_count(), 2);
-                assert_eq!(mesh.corners(1, 0.5)[1], glam::dvec3(1.0, 1.0, 0.5));
+                // the mesh orders its triangles anew
+                let moved = glam::dvec3(1.0, 1.0, 0.5);
+                assert!((0..2).all(|i| mesh.corners(i, 0.5).contains(&moved)));
             }
             other => panic!("{other:?}"),
         }
