@@ -53,6 +53,8 @@ pub enum Command {
     Merge(MergeOptions),
     /// Shows what sharing wavelengths and times in a pass does: photon merging beside bidirectional path tracing
     Banding(BandingOptions),
+    /// Writes an editable scene file that refers to a model
+    Convert(ConvertOptions),
 }
 
 /// Names of integrators.
@@ -150,7 +152,7 @@ pub struct Overrides {
 /// Options of `abbe render`.
 #[derive(Debug, Args)]
 pub struct RenderOptions {
-    /// The scene file
+    /// The scene file, or a model (.gltf, .glb, .obj, .ply)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// The image to write; NAME.exr (NAME.SENSOR.exr with several sensors) in the working directory otherwise
@@ -230,7 +232,7 @@ pub struct RenderOptions {
     /// Writes statistics as JSON, with the table of path classes and strategies
     #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
-    /// Refuses to start where films, meshes and photons need more memory than SIZE, such as 500M or 2G
+    /// Refuses to start where films, meshes, textures and photons need more memory than SIZE, such as 500M or 2G
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub max_memory: Option<u64>,
     /// Prints nothing but errors
@@ -241,7 +243,7 @@ pub struct RenderOptions {
 /// Options of `abbe info`.
 #[derive(Debug, Args)]
 pub struct InfoOptions {
-    /// The scene file
+    /// The scene file, or a model (.gltf, .glb, .obj, .ply)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     #[command(flatten)]
@@ -347,6 +349,20 @@ pub struct MergeOptions {
     #[arg(long)]
     pub no_preview: bool,
     /// Prints nothing but errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Options of `abbe convert`.
+#[derive(Debug, Args)]
+pub struct ConvertOptions {
+    /// The model: glTF (.gltf, .glb), OBJ or PLY
+    #[arg(value_name = "MODEL")]
+    pub model: PathBuf,
+    /// The scene file to write, in the model's folder or above it
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Prints nothing but warnings and errors
     #[arg(short, long)]
     pub quiet: bool,
 }

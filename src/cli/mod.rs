@@ -5,6 +5,7 @@
 mod args;
 mod banding;
 mod compare;
+mod convert;
 mod error;
 mod glass;
 mod image_output;
@@ -53,6 +54,7 @@ pub fn run() -> ExitCode {
         Command::Glass(options) => glass::run(&options),
         Command::Merge(options) => merge::run(&options),
         Command::Banding(options) => banding::run(&options),
+        Command::Convert(options) => convert::run(&options),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -9,7 +9,7 @@ use super::interrupt::Interrupt;
 use super::load::{self, Loaded};
 use super::progress::Progress;
 use super::stats::{self, SensorStats};
-use super::usage::{bytes_text, film_bytes, geometry_bytes};
+use super::usage::{bytes_text, film_bytes, geometry_bytes, texture_bytes};
 use super::{CliError, Outcome, print, summary};
 use crate::film::{Crop, SensorResponse, SpectralChannels};
 use crate::io::atomic::check_writable;
@@ -260,7 +260,7 @@ fn channels(request: &OutputRequest) -> u64 {
     (3 * (1 + request.classes.len() + shares) + spectral) as u64
 }
 
-/// Whether films, meshes and photons fit into what is allowed.
+/// Whether films, meshes, textures and photons fit into what is allowed.
 fn within_limit(
     options: &RenderOptions,
     films: u64,
@@ -270,14 +270,15 @@ fn within_limit(
     let photon_bytes = photons.map_or(0, PhotonMemory::bytes);
     let needed = films
         .saturating_add(geometry_bytes(scene))
+        .saturating_add(texture_bytes(scene))
         .saturating_add(photon_bytes);
     let Some(limit) = options.max_memory.filter(|&limit| needed > limit) else {
         return Ok(());
     };
     let what = if photons.is_some() {
-        "films, meshes and photons"
+        "films, meshes, textures and photons"
     } else {
-        "films and meshes"
+        "films, meshes and textures"
     };
     let (needed, limit) = (bytes_text(needed), bytes_text(limit));
     Err(CliError::Failed(format!(

@@ -271,7 +271,8 @@ pub fn read_xyz(path: &Path) -> Result<(ExrImage, Vec<f64>), ExrError> {
     Ok((image, xyz))
 }
 
-fn decode(path: &Path, bytes: &[u8], max_samples: u64) -> Result<ExrImage, ExrError> {
+/// Decodes a file of at most `max_samples` samples; `path` is for messages.
+pub(super) fn decode(path: &Path, bytes: &[u8], max_samples: u64) -> Result<ExrImage, ExrError> {
     // sizes first: the decoder allocates what the header promises
     let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), true)
         .map_err(|e| format_error(path, &e))?;

@@ -253,9 +253,11 @@ impl<'a> Joiner<'a> {
                     }
                 }
             }
-            if !self.context.is_visible(ray, region, self.counters) {
+            let visibility = self.context.visibility(ray, region, self.counters);
+            if visibility == 0.0 {
                 return;
             }
+            survival /= visibility;
         }
         self.counters.connections_made += 1;
         let s = view.s();

@@ -138,15 +138,25 @@ impl PathContext<'_> {
         SampledSpectrum::from_fn(|j| (eta[j] * eta[j]) as f32)
     }
 
-    /// Whether nothing stands in the way of a segment that lies in `region`.
+    /// What is left of a segment that lies in `region`: 0 where something stands in the way, 1 where nothing does, and in
+    /// between where surfaces cover it in part.
     #[must_use]
-    pub fn is_visible(&self, ray: &Ray, region: &Region, counters: &mut Counters) -> bool {
+    pub fn visibility(&self, ray: &Ray, region: &Region, counters: &mut Counters) -> f64 {
         counters.shadow_rays += 1;
         let objects = &self.scene.objects;
-        !self.scene.accel.occluded(ray, |id: InstanceId| {
+        let occluded = self.scene.accel.occluded(ray, |id: InstanceId| {
             let object = &objects[id.0 as usize];
-            !(object.transparent_sensor || object.clear && region.passes(object.boundary, id))
-        })
+            !(object.transparent_sensor
+                || object.covered
+                || object.clear && region.passes(object.boundary, id))
+        });
+        if occluded {
+            0.0
+        } else if self.scene.has_coverage {
+            self.scene.uncovered(ray)
+        } else {
+            1.0
+        }
     }
 
     /// The lanes that stay alive when the hero's direction was taken through a dispersive interface: those of exactly its

@@ -12,6 +12,7 @@ use crate::geometry::{DirectionalDensity, EndPoint, Ray, SurfacePoint};
 use crate::math::frame::Frame;
 use crate::medium::MediumStack;
 use crate::sampler::StreamSampler;
+use crate::scene::Scene;
 use glam::DVec3;
 
 /// From how many vertices on a sub-path whose weight does not fall is killed now and then, so that every walk ends.
@@ -118,6 +119,11 @@ pub fn walk(
         let distance = passed + hit.t;
         let through = |ray: &Ray| Ray::leaving(point.p, ray.d, ray.time, Some(point.id));
 
+        if object.covered && passes_uncovered(scene, &point, numbers) {
+            ray = through(&ray);
+            passed = distance;
+            continue;
+        }
         if object.sensor == Some(context.sensor) && generate == Side::Camera {
             record_sensor_hit(
                 context, path, &point, ray.d, distance, &stack, &travel, infinite, throughput,
@@ -171,6 +177,7 @@ pub fn walk(
             dispersive: (above.dispersive || below.dispersive)
                 && regions[0].medium != regions[1].medium,
         };
+        let point = scene.shading_point(point, context.time);
         let vertex = Vertex {
             bsdf: scene.materials[object.material.0 as usize].bsdf(
                 &point,
@@ -230,6 +237,13 @@ pub fn walk(
         ray = Ray::leaving(vertex.point.p, w, context.time, Some(vertex.point.id));
         passed = 0.0;
     }
+}
+
+/// Whether a walk goes straight on at a surface that covers only in part: with the probability of what it leaves open,
+/// which is also the factor of the segment. Both cancel in the throughput, and weights leave them out on both sides.
+fn passes_uncovered(scene: &Scene, point: &SurfacePoint, numbers: &mut StreamSampler) -> bool {
+    let coverage = scene.coverage(point);
+    coverage == 0.0 || coverage < 1.0 && numbers.next4()[0] >= coverage
 }
 
 /// Draws the next direction. `None` where the walk ends.

@@ -216,7 +216,7 @@ fn failures_are_explained() {
         ),
         (
             "render scene.toml --integrator vcm --max-memory 38K",
-            "films, meshes and photons need",
+            "films, meshes, textures and photons need",
         ),
         ("render scene.toml --set render.spp=0", "--set render.spp=0"),
         ("glass N-BK77", "unknown glass"),

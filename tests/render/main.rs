@@ -11,6 +11,7 @@ mod equality;
 mod harness;
 mod lanes;
 mod merging;
+mod models;
 mod motion;
 mod regularized;
 mod scale;
