@@ -523,8 +523,8 @@ fn info_says_what_and_why() {
         "camera        perspective, 24 x 16 pixels",
         "schott:N-BK7, n_d 1.516800, V_d 64.17",
         "dispersion     on",
-        "absorption    on",
-        "motion        off",
+        "absorption     on",
+        "motion         off",
     ] {
         assert!(info.contains(part), "{part}: {info}");
     }
