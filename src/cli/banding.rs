@@ -357,9 +357,9 @@ fn page(options: &BandingOptions, rows: &[Row], memory: &Memory, png: &[u8]) -> 
         let [x, y, z] = &row.bands;
         let (count, gap) = distinct(&row.shot);
         let share = y.participation.unwrap_or(f64::NAN);
-        _ = write!(
+        _ = writeln!(
             body,
-            "<tr><th>{}</th><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.4}</td><td>{share:.2}</td><td>{:.4}</td><td>{count}</td><td>{gap}</td></tr>\n",
+            "<tr><th>{}</th><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.4}</td><td>{share:.2}</td><td>{:.4}</td><td>{count}</td><td>{gap}</td></tr>",
             row.shot.method,
             row.shot.passes,
             row.shot.seconds,
@@ -372,15 +372,15 @@ fn page(options: &BandingOptions, rows: &[Row], memory: &Memory, png: &[u8]) -> 
     }
     let mut table1 = String::new();
     for (program, bytes, total) in OTHERS {
-        _ = write!(
+        _ = writeln!(
             table1,
-            "<tr><th>{program} (from the paper)</th><td>{bytes}</td><td></td><td>{:.0}</td></tr>\n",
+            "<tr><th>{program} (from the paper)</th><td>{bytes}</td><td></td><td>{:.0}</td></tr>",
             total * 1e-6
         );
     }
-    _ = write!(
+    _ = writeln!(
         table1,
-        "<tr><th>abbe, vcm, this scene</th><td>{}</td><td>{:.2}</td><td>{:.0}</td></tr>\n<tr><th>abbe, bdpt</th><td>0</td><td></td><td>0</td></tr>\n",
+        "<tr><th>abbe, vcm, this scene</th><td>{}</td><td>{:.2}</td><td>{:.0}</td></tr>\n<tr><th>abbe, bdpt</th><td>0</td><td></td><td>0</td></tr>",
         memory.bytes_per_vertex,
         memory.vertices_per_path,
         memory.at_full_hd() * 1e-6

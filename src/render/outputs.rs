@@ -37,6 +37,9 @@ impl Default for OutputRequest {
     }
 }
 
+/// Images by (s, t, whether it is a merge).
+pub type StrategyFilms = BTreeMap<(u32, u32, bool), Film>;
+
 /// The images a render keeps.
 #[derive(Debug)]
 pub struct Outputs {
@@ -47,7 +50,7 @@ pub struct Outputs {
     /// Spectral bins and lines.
     pub spectral: Option<(SensorResponse, Film)>,
     /// XYZ per strategy (s, t) and merge (whether it is one comes last), as they are met.
-    pub strategies: Option<RwLock<BTreeMap<(u32, u32, bool), Film>>>,
+    pub strategies: Option<RwLock<StrategyFilms>>,
     /// XYZ per class expression.
     pub classes: Vec<(Regex, Film)>,
     /// XYZ of strategies that join at no specular vertex, and of those that do.
