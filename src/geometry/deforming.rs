@@ -93,7 +93,7 @@ const TRIAL_RAYS: u64 = 512;
 /// # Errors
 /// [`DeformingError`] if the frames differ in their vertices, their times do not rise, or one of them is no mesh.
 pub fn shape(
-    frames: Vec<Frame>,
+    frames: &[Frame],
     uvs: Option<Vec<[f32; 2]>>,
     triangles: Vec<[u32; 3]>,
     shutter: Shutter,
@@ -127,8 +127,8 @@ pub fn shape(
         Mesh::new(&positions, normals, uvs.clone(), triangles.clone())
             .map_err(|source| DeformingError::Mesh { frame: 0, source })
     };
-    let inside = held(&frames, shutter);
-    let mesh = still(&frames, shutter.open_s)?;
+    let inside = held(frames, shutter);
+    let mesh = still(frames, shutter.open_s)?;
     if shutter.is_instant() || inside.windows(2).all(|w| same(&w[0], &w[1])) {
         return Ok(Shape::Mesh(Arc::new(mesh)));
     }

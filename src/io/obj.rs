@@ -159,7 +159,7 @@ pub fn deforming(mut frames: Vec<(f64, Arrays)>, shutter: Shutter) -> Result<Sha
         frames[0].1.uvs.take(),
         std::mem::take(&mut frames[0].1.triangles),
     );
-    let frames = frames
+    let frames: Vec<_> = frames
         .into_iter()
         .map(|(time_s, arrays)| Frame {
             time_s,
@@ -167,7 +167,7 @@ pub fn deforming(mut frames: Vec<(f64, Arrays)>, shutter: Shutter) -> Result<Sha
             normals: arrays.normals,
         })
         .collect();
-    deforming::shape(frames, uvs, triangles, shutter).map_err(FramesError::Mesh)
+    deforming::shape(&frames, uvs, triangles, shutter).map_err(FramesError::Mesh)
 }
 
 /// Why files are not the frames of one mesh.

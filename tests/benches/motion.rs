@@ -80,7 +80,7 @@ fn swept(edges: f64) -> Shape {
         normals: None,
     };
     let frames = vec![frame(0.0, positions.clone()), frame(1.0, moved.collect())];
-    deforming::shape(frames, None, triangles.clone(), SHUTTER).expect("a valid mesh")
+    deforming::shape(&frames, None, triangles.clone(), SHUTTER).expect("a valid mesh")
 }
 
 fn slide() -> Link {
@@ -213,7 +213,6 @@ fn compare(name: &str, rest: &(Accel, Vec<Ray>), moving: &(Accel, Vec<Ray>)) {
     println!("{name}: {median:.2} times as long as at rest ({low:.2} to {high:.2})");
 }
 
-#[expect(clippy::print_stdout, reason = "the output of a benchmark")]
 fn main() {
     let mesh = prepare(MESH.clone(), at_rest());
     let slides = Transform::chain(&[slide()], SHUTTER);
