@@ -4,6 +4,7 @@
 
 mod args;
 mod compare;
+mod cost;
 mod error;
 mod glass;
 mod image_output;
@@ -48,6 +49,7 @@ pub fn run() -> ExitCode {
     let outcome = match arguments.command {
         Command::Render(options) => render::run(&options),
         Command::Info(options) => info::run(&options),
+        Command::Cost(options) => cost::run(&options),
         Command::Compare(options) => compare::run(&options),
         Command::Glass(options) => glass::run(&options),
         Command::Merge(options) => merge::run(&options),

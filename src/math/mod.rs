@@ -2,6 +2,7 @@
 
 #[cfg(test)]
 pub(crate) mod chi_square;
+pub mod convergence;
 pub mod distribution;
 pub mod frame;
 pub mod hash;
