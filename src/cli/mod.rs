@@ -13,6 +13,7 @@ mod interrupt;
 mod load;
 mod merge;
 mod progress;
+mod readable;
 mod render;
 mod stats;
 mod summary;

@@ -7,13 +7,18 @@ use super::usage::{cpu_seconds, peak_memory_bytes};
 use crate::io::atomic::write_atomic;
 use crate::render::Render;
 use crate::render::bias::BiasEstimate;
+use crate::render::forecast::Forecast;
 use crate::render::stop::StopReason;
+use crate::render::table::ClassShare;
 use crate::scene::effects::Effect;
 use crate::transport::Counters;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
+
+/// Hits below which a class of paths is not to be trusted: its share is known to 10 % at best.
+pub const FEW_HITS: u64 = 100;
 
 /// The cones of a regularized render.
 #[derive(Clone, Copy, Debug)]
@@ -73,6 +78,10 @@ pub struct SensorStats {
     pub saturated: u64,
     /// Estimated relative error.
     pub relative_error: Option<f64>,
+    /// A smaller relative error, and what it would take.
+    pub forecast: Option<(f64, Forecast)>,
+    /// Classes of paths with few hits, where the table of classes is kept.
+    pub rarely_hit: Vec<ClassShare>,
     /// Its cones, if it was regularized.
     pub epsilon: Option<EpsilonStats>,
     regularization: Value,
@@ -115,6 +124,8 @@ impl SensorStats {
             non_finite: counters.non_finite + rejected.not_finite,
             saturated: rejected.saturated,
             relative_error: render.relative_error(),
+            forecast: None,
+            rarely_hit: render.table().rarely_hit(FEW_HITS),
             epsilon: EpsilonStats::new(render),
             regularization: effect_json(&render.regularization().effect()),
             table: rows.collect(),
@@ -150,6 +161,8 @@ impl SensorStats {
             "medium_mismatches": c.medium_mismatches,
             "nesting_overflows": c.nesting_overflows,
             "relative_error": self.relative_error,
+            "forecast": self.forecast.map(forecast_json),
+            "rarely_hit": self.rarely_hit.iter().map(class_json).collect::<Vec<_>>(),
             "regularization": self.regularization,
             "epsilon": self.epsilon.as_ref().map(EpsilonStats::json),
             "classes": self.table,
@@ -159,6 +172,19 @@ impl SensorStats {
 
 fn effect_json(effect: &Effect) -> Value {
     json!({ "name": effect.name, "on": effect.on, "reason": effect.reason })
+}
+
+fn forecast_json((target, forecast): (f64, Forecast)) -> Value {
+    let seconds = match forecast {
+        Forecast::Takes(time) => Some(time.as_secs_f64()),
+        Forecast::Unknown | Forecast::Unsteady => None,
+    };
+    let unsteady = forecast == Forecast::Unsteady;
+    json!({ "relative_error": target, "seconds": seconds, "unsteady": unsteady })
+}
+
+fn class_json(class: &ClassShare) -> Value {
+    json!({ "class": class.class.to_string(), "hits": class.hits, "share": class.share })
 }
 
 /// Effects and their reasons.

@@ -14,6 +14,7 @@ mod words;
 use super::args::{CostGroup, CostOptions, VERSION};
 use super::interrupt::Interrupt;
 use super::load::{self, Loaded};
+use super::readable::duration;
 use super::{CliError, Outcome, print};
 use crate::film::Crop;
 use crate::io::atomic::{FileError, write_atomic};
@@ -141,8 +142,8 @@ fn report(options: &CostOptions, loaded: &Loaded, plan: &Plan) -> Result<Outcome
         "{} variants, {} seeds, {} each: about {} in all\n",
         variants.len(),
         options.seeds,
-        words::duration(options.budget),
-        words::duration((cells as f64 + own_reference) * options.budget)
+        duration(options.budget),
+        duration((cells as f64 + own_reference) * options.budget)
     ));
     let reference = match &options.reference {
         Some(path) => Reference::new(path.clone(), format!("{}", path.display()))?,

@@ -2,10 +2,11 @@
 
 use super::super::CliError;
 use super::super::args::CostGroup;
+use super::super::readable::percent;
 use super::measure::{Measured, TARGETS};
 use super::pictures::{self, Picture};
 use super::plot::{Curve, Plot, escape};
-use super::words::{percent, time_to};
+use super::words::time_to;
 use super::{Outcomes, Reference};
 use serde_json::Value;
 use std::fmt::Write as _;

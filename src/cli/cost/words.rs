@@ -1,35 +1,12 @@
 //! What was measured, in sentences: each says whether a difference is more than noise.
 
+use super::super::readable::{duration, percent};
 use super::Outcomes;
 use super::matrix::BASE;
 use super::measure::{Spread, TARGETS, TimeTo};
 
 /// Standard errors that a difference must exceed to be more than noise.
 const SIGNIFICANT: f64 = 2.0;
-
-/// A time for reading: `48 s`, `3 min 10 s`, `2 h 5 min`.
-#[must_use]
-pub fn duration(seconds: f64) -> String {
-    let whole = |s: f64| s.round() as u64;
-    match seconds {
-        s if s < 0.1 => format!("{:.0} ms", 1000.0 * s),
-        s if s < 9.95 => format!("{s:.1} s"),
-        s if whole(s) < 60 => format!("{s:.0} s"),
-        s if whole(s) < 3600 => format!("{} min {} s", whole(s) / 60, whole(s) % 60),
-        s if s < 360_000.0 => format!("{} h {} min", whole(s) / 3600, whole(s) % 3600 / 60),
-        s => format!("{:.0} days", s / 86_400.0),
-    }
-}
-
-/// A share for reading.
-#[must_use]
-pub fn percent(share: f64) -> String {
-    match 100.0 * share {
-        p if p < 0.1 => format!("{p:.2} %"),
-        p if p < 10.0 => format!("{p:.1} %"),
-        p => format!("{p:.0} %"),
-    }
-}
 
 /// When an error is reached.
 #[must_use]
@@ -115,20 +92,6 @@ pub fn sentences(results: &[Outcomes], reference_variance: Option<f64>) -> Vec<S
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn times_for_reading() {
-        for (seconds, text) in [
-            (0.03, "30 ms"),
-            (4.25, "4.2 s"),
-            (48.0, "48 s"),
-            (190.0, "3 min 10 s"),
-            (7500.0, "2 h 5 min"),
-            (1e6, "12 days"),
-        ] {
-            assert_eq!(duration(seconds), text);
-        }
-    }
 
     #[test]
     fn a_difference_within_noise_is_called_so() {
