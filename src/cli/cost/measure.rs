@@ -74,6 +74,8 @@ pub struct Measures {
     pub log_rmse: f64,
     /// Mean of Var(I)/(R² + 0.01), from the halves of the passes.
     pub rel_variance: f64,
+    /// Mean of I / mean of R.
+    pub mean_ratio: f64,
 }
 
 /// A point of a curve: an image, what it took, and how far it is off.
@@ -128,6 +130,7 @@ pub fn measure(
                 rel_mse: errors.rel_mse,
                 trimmed_rel_mse: errors.trimmed_rel_mse,
                 log_rmse: errors.log_rmse,
+                mean_ratio: errors.mean_ratio,
                 rel_variance: mean_relative_square(&noise, &reference.y),
             },
             probe: probe.map(|[x, y]| image.y[(y * image.size[0] + x) as usize]),
@@ -188,6 +191,8 @@ pub struct Summary {
     pub unit_variance_seconds: Spread,
     /// Relative error √relMSE at the end.
     pub final_error: Spread,
+    /// Mean of the image over that of the reference, at the end.
+    pub mean_ratio: f64,
     /// √max(0, MSE − variance), relative: what more samples do not take away.
     pub bias: f64,
     /// Bias that the spread of the seeds (or, with one seed, the noise) would let appear where there is none.
@@ -250,6 +255,7 @@ pub fn summarize(points: &[Measured], floor: f64) -> Summary {
         pass_seconds: spread(&|p| p.cpu_seconds / f64::from(p.passes)),
         unit_variance_seconds: spread(&|p| p.errors.rel_variance * p.cpu_seconds),
         final_error: spread(&|p| p.errors.rel_mse.sqrt()),
+        mean_ratio: spread(&|p| p.errors.mean_ratio).mean,
         bias: bias_square.sqrt(),
         bias_noise: noise.sqrt(),
         time_to,

@@ -232,7 +232,7 @@ fn interrupted(say: &impl Fn(&str)) -> Outcome {
 
 /// The table of all points.
 fn csv(results: &[Outcomes]) -> String {
-    let mut text = "variant,seed,passes,cpu_seconds,wall_seconds,rel_mse,trimmed_rel_mse,log_rmse,rel_variance,probe,image\n"
+    let mut text = "variant,seed,passes,cpu_seconds,wall_seconds,rel_mse,trimmed_rel_mse,log_rmse,rel_variance,mean_ratio,probe,image\n"
         .to_owned();
     for result in results {
         for p in &result.points {
@@ -247,6 +247,7 @@ fn csv(results: &[Outcomes]) -> String {
                 e.trimmed_rel_mse.to_string(),
                 e.log_rmse.to_string(),
                 e.rel_variance.to_string(),
+                e.mean_ratio.to_string(),
                 p.probe.map(|v| v.to_string()).unwrap_or_default(),
                 p.image.clone(),
             ];

@@ -27,16 +27,33 @@ fn ratio(a: Spread, b: Spread) -> (f64, Option<f64>) {
     (ratio, error.map(|(x, y)| ratio * x.hypot(y)))
 }
 
+/// Two significant digits or so.
+fn digits(v: f64) -> String {
+    match v.abs() {
+        a if a >= 10.0 => format!("{v:.0}"),
+        a if a >= 1.0 => format!("{v:.1}"),
+        a if a >= 0.1 => format!("{v:.2}"),
+        _ => format!("{v:.1e}"),
+    }
+}
+
 /// "twice", "within noise", ... of one measure.
 fn compared(what: &str, a: Spread, b: Spread) -> String {
     let (ratio, error) = ratio(a, b);
     match error {
         _ if !ratio.is_finite() || ratio <= 0.0 => format!("{what} cannot be compared"),
-        None => format!("{what} {ratio:.2} times (one seed: its noise is not known)"),
+        None => format!(
+            "{what} {} times (one seed: its noise is not known)",
+            digits(ratio)
+        ),
         Some(e) if (ratio - 1.0).abs() <= SIGNIFICANT * e => {
-            format!("{what} the same within noise ({ratio:.2} ± {e:.2})")
+            format!(
+                "{what} the same within noise ({} ± {})",
+                digits(ratio),
+                digits(e)
+            )
         }
-        Some(e) => format!("{what} {ratio:.2} ± {e:.2} times"),
+        Some(e) => format!("{what} {} ± {} times", digits(ratio), digits(e)),
     }
 }
 
@@ -75,12 +92,15 @@ pub fn sentences(results: &[Outcomes], reference_variance: Option<f64>) -> Vec<S
             let unit = "time to equal noise";
             text += &compared(unit, s.unit_variance_seconds, b.unit_variance_seconds);
         }
-        text += &if s.bias * s.bias <= s.bias_noise * s.bias_noise {
+        text += &if s.bias_noise > s.bias.max(1.0) {
+            "; its noise hides any bias".to_owned()
+        } else if s.bias <= s.bias_noise {
             format!("; no bias above {}", percent(s.bias_noise))
         } else {
             format!(
-                "; {} of difference to the reference remain however long it runs",
-                percent(s.bias)
+                "; a difference to the reference of {} would remain however long it runs (mean of the image {:+.1} %)",
+                percent(s.bias),
+                100.0 * (s.mean_ratio - 1.0)
             )
         };
         text.push('.');
@@ -99,7 +119,7 @@ mod tests {
         let text = |a, b| compared("time", a, b);
         let base = spread(1.0, Some(0.1));
         assert!(text(spread(1.2, Some(0.1)), base).contains("within noise"));
-        assert_eq!(text(spread(3.0, Some(0.1)), base), "time 3.00 ± 0.32 times");
+        assert_eq!(text(spread(3.0, Some(0.1)), base), "time 3.0 ± 0.32 times");
         assert!(text(spread(3.0, None), base).contains("not known"));
     }
 }
