@@ -151,8 +151,8 @@ impl Plan<'_> {
                 snapshots.push(Snapshot {
                     image,
                     passes,
-                    cpu_seconds,
-                    wall_seconds,
+                    cpu_seconds: microseconds(cpu_seconds),
+                    wall_seconds: microseconds(wall_seconds),
                 });
                 clock.skip_since((cpu_seconds, wall_seconds));
             }
@@ -209,6 +209,11 @@ impl Plan<'_> {
         });
         Ok(exr::write(&self.folder.join(name), &image)?)
     }
+}
+
+/// Rounded, so that what is read from a file is what was written.
+fn microseconds(seconds: f64) -> f64 {
+    (seconds * 1e6).round() / 1e6
 }
 
 /// CPU and wall time without what was spent on other things.
