@@ -8,6 +8,7 @@ pub mod math;
 pub mod spectrum;
 
 pub mod geometry;
+pub mod texture;
 
 pub mod bsdf;
 pub mod camera;

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 const FLOORS: [&[&str]; 9] = [
     &["math"],
     &["spectrum"],
-    &["geometry"],
+    &["geometry", "texture"],
     &[
         "bsdf", "camera", "film", "light", "material", "medium", "sampler",
     ],
@@ -25,16 +25,18 @@ const FLOORS: [&[&str]; 9] = [
 const SIBLINGS: [(&str, &str); 1] = [("material", "bsdf")];
 const MAX_LINES: usize = 700;
 /// Crates that only some files may name, so that replacing one touches only those.
-const CRATES: [(&str, &[&str]); 7] = [
+const CRATES: [(&str, &[&str]); 9] = [
     ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
         &["io/scene_file/", "spectrum/read.rs", "spectrum/library.rs"],
     ),
-    ("tobj", &["io/obj.rs"]),
+    ("tobj", &["io/obj.rs", "io/mtl.rs"]),
     ("exr", &["io/exr.rs", "io/exr_header.rs"]),
-    ("png", &["io/png.rs"]),
+    ("png", &["io/png.rs", "io/image_file.rs"]),
     ("palette", &["spectrum/xyz.rs"]),
+    ("gltf", &["io/gltf/"]),
+    ("zune_jpeg", &["io/image_file.rs"]),
     ("clap", &["cli/"]),
 ];
 

@@ -1,5 +1,6 @@
 //! The closed set of lobes, and what a mixture asks of each.
 
+use super::coated::CoatedDiffuse;
 use super::conductor::{Conductor, Mirror};
 use super::dielectric::Dielectric;
 use super::diffuse::Diffuse;
@@ -14,6 +15,8 @@ use glam::DVec3;
 pub enum Lobe {
     /// Lambertian reflection.
     Diffuse(Diffuse),
+    /// Lambertian reflection under a dielectric layer.
+    Coated(CoatedDiffuse),
     /// Perfect mirror (reflectance per lane) or smooth conductor.
     Mirror(Mirror),
     /// GGX conductor.
@@ -41,6 +44,7 @@ impl Lobe {
     ) -> Option<BsdfEval> {
         match self {
             Self::Diffuse(lobe) => lobe.eval(w_light, w_camera, interface),
+            Self::Coated(lobe) => lobe.eval(w_light, w_camera, interface),
             Self::Conductor(lobe) => lobe.eval(w_light, w_camera, interface),
             Self::RoughDielectric(lobe) => lobe.eval(w_light, w_camera, interface),
             Self::Mirror(_) | Self::Dielectric(_) | Self::Thin(_) => None,
@@ -56,7 +60,7 @@ impl Lobe {
         interface: &Interface,
     ) -> f64 {
         let reflect = match self {
-            Self::Diffuse(_) | Self::Conductor(_) | Self::RoughDielectric(_) => {
+            Self::Diffuse(_) | Self::Coated(_) | Self::Conductor(_) | Self::RoughDielectric(_) => {
                 return if label == Label::NonSpecular {
                     1.0
                 } else {

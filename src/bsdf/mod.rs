@@ -3,6 +3,7 @@
 //! Directions are unit vectors in the local shading frame (z = shading normal), pointing away from the surface.
 //! ω⁻ points towards the light side of the path, ω⁺ towards the camera side. `g = f / η₊²` is symmetric.
 
+pub mod coated;
 pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
@@ -241,7 +242,7 @@ impl Bsdf {
             DVec3::new(given.x, given.y, -given.z)
         };
         let w = match lobe {
-            Lobe::Diffuse(_) => diffuse::Diffuse::generate([u[1], u[2]]),
+            Lobe::Diffuse(_) | Lobe::Coated(_) => diffuse::Diffuse::generate([u[1], u[2]]),
             Lobe::Conductor(lobe) => lobe.generate(up, [u[1], u[2]])?,
             Lobe::RoughDielectric(lobe) => {
                 lobe.generate(up, &self.interface, [rest, u[1], u[2]], above)?
@@ -343,6 +344,7 @@ impl Bsdf {
         for (weight, lobe) in &self.lobes {
             let share = match lobe {
                 Lobe::Diffuse(lobe) => lobe.reflectance,
+                Lobe::Coated(lobe) => lobe.albedo(),
                 Lobe::Conductor(lobe) => {
                     conductor::Mirror::Metal(lobe.metal).reflectance(1.0, true, &self.interface)
                 }

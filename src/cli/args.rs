@@ -2,6 +2,7 @@
 //! allowed.
 
 use crate::film::Crop;
+use crate::math::banding::Axis;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use regex::Regex;
 use std::ops::Range;
@@ -52,6 +53,10 @@ pub enum Command {
     Glass(GlassOptions),
     /// Adds up part files of disjoint passes
     Merge(MergeOptions),
+    /// Shows what sharing wavelengths and times in a pass does: photon merging beside bidirectional path tracing
+    Banding(BandingOptions),
+    /// Writes an editable scene file that refers to a model
+    Convert(ConvertOptions),
 }
 
 /// Names of integrators.
@@ -63,6 +68,12 @@ pub enum IntegratorName {
     Light,
     /// Both, weighted together
     Bdpt,
+    /// Both, and photon merging, weighted together
+    Vcm,
+    /// Photon merging at every vertex that scatters diffusely or glossily
+    Bpm,
+    /// Photon merging at the first such vertex from the camera
+    Ppm,
 }
 
 /// Names of weightings.
@@ -85,6 +96,17 @@ pub enum RegularizeName {
     Single,
     /// By every strategy, weighted with all others
     Mis,
+}
+
+/// What the paths of a pass share where photons are merged.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum SharingName {
+    /// One wavelength set and time, one of the set as everybody's hero
+    Hero,
+    /// One set and time; the set's wavelengths take turns as heroes over the pixels
+    Set,
+    /// As hero, with sets and times of successive passes kept apart
+    Stratified,
 }
 
 /// Names of filters.
@@ -132,7 +154,7 @@ pub struct Overrides {
 /// Options of `abbe render`.
 #[derive(Debug, Args)]
 pub struct RenderOptions {
-    /// The scene file
+    /// The scene file, or a model (.gltf, .glb, .obj, .ply)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// The image to write; NAME.exr (NAME.SENSOR.exr with several sensors) in the working directory otherwise
@@ -171,6 +193,9 @@ pub struct RenderOptions {
     /// Half-aperture of that cone in the first pass in radians, or auto
     #[arg(long, value_name = "RAD", value_parser = epsilon)]
     pub epsilon: Option<String>,
+    /// What the paths of a pass share where photons are merged
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub sharing: Option<SharingName>,
     /// Scattering vertices of the whole path, at most
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16))]
     pub max_depth: Option<u16>,
@@ -209,7 +234,7 @@ pub struct RenderOptions {
     /// Writes statistics as JSON, with the table of path classes and strategies
     #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
-    /// Refuses to start where films and meshes need more memory than SIZE, such as 500M or 2G
+    /// Refuses to start where films, meshes, textures and photons need more memory than SIZE, such as 500M or 2G
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub max_memory: Option<u64>,
     /// Prints nothing but errors
@@ -220,7 +245,7 @@ pub struct RenderOptions {
 /// Options of `abbe info`.
 #[derive(Debug, Args)]
 pub struct InfoOptions {
-    /// The scene file
+    /// The scene file, or a model (.gltf, .glb, .obj, .ply)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     #[command(flatten)]
@@ -284,12 +309,61 @@ pub struct CompareOptions {
     /// The image (EXR with channels X, Y, Z)
     #[arg(value_name = "IMAGE")]
     pub image: PathBuf,
-    /// What it should be
-    #[arg(value_name = "REFERENCE")]
-    pub reference: PathBuf,
+    /// What it should be; without it only bands are measured
+    #[arg(value_name = "REFERENCE", required_unless_present = "banding")]
+    pub reference: Option<PathBuf>,
+    /// Measures bands instead: errors that are the same all along a line of one color
+    #[arg(long)]
+    pub banding: bool,
+    #[command(flatten)]
+    pub lines: ColorLines,
     /// Prints JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// Where lines of one color run.
+#[derive(Debug, Args)]
+pub struct ColorLines {
+    /// The part of the image whose bands are measured: X0 <= x < X1, Y0 <= y < Y1
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = crop)]
+    pub region: Option<Crop>,
+    /// Where color (or the moment) changes: along x, along y, or with the distance from the pixel X,Y
+    #[arg(long, value_name = "x | y | X,Y", default_value = "x", value_parser = axis, allow_negative_numbers = true)]
+    pub axis: Axis,
+}
+
+/// Options of `abbe banding`.
+#[derive(Debug, Args)]
+pub struct BandingOptions {
+    /// The scene file
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The page to write; NAME.json and NAME.png go beside it
+    #[arg(short, long, value_name = "FILE", default_value = "banding.html")]
+    pub output: PathBuf,
+    /// Passes of each render
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "2,8,32", value_parser = clap::value_parser!(u32).range(1..))]
+    pub passes: Vec<u32>,
+    /// Passes of the bdpt reference
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..))]
+    pub reference_passes: u32,
+    #[command(flatten)]
+    pub lines: ColorLines,
+    #[command(flatten)]
+    pub overrides: Overrides,
+    /// Renders only this sensor; the first otherwise
+    #[arg(long, value_name = "NAME")]
+    pub sensor: Option<String>,
+    /// Threads; all cores otherwise
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Exposure of the pictures in stops
+    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = finite, allow_negative_numbers = true)]
+    pub exposure: f64,
+    /// Prints nothing but errors
+    #[arg(short, long)]
+    pub quiet: bool,
 }
 
 /// Options of `abbe glass`.
@@ -329,6 +403,20 @@ pub struct MergeOptions {
     pub quiet: bool,
 }
 
+/// Options of `abbe convert`.
+#[derive(Debug, Args)]
+pub struct ConvertOptions {
+    /// The model: glTF (.gltf, .glb), OBJ or PLY
+    #[arg(value_name = "MODEL")]
+    pub model: PathBuf,
+    /// The scene file to write, in the model's folder or above it
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Prints nothing but warnings and errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
 impl RenderOptions {
     /// The overrides of the scene file: the options that have a key in `[render]`, then those of `--set`.
     #[must_use]
@@ -352,6 +440,10 @@ impl RenderOptions {
                 named(self.regularize.and_then(|v| v.to_possible_value())),
             ),
             ("epsilon", self.epsilon.clone()),
+            (
+                "sharing",
+                named(self.sharing.and_then(|v| v.to_possible_value())),
+            ),
             ("max_depth", self.max_depth.map(|v| v.to_string())),
             (
                 "filter",
@@ -392,6 +484,18 @@ fn crop(text: &str) -> Result<Crop, String> {
         _ => Err(
             "expected X0,Y0,X1,Y1 with X0 < X1 and Y0 < Y1, in pixels from the top left".to_owned(),
         ),
+    }
+}
+
+fn axis(text: &str) -> Result<Axis, String> {
+    let point = || {
+        let (x, y) = text.split_once(',')?;
+        Some(Axis::Distance([finite(x).ok()?, finite(y).ok()?]))
+    };
+    match text {
+        "x" => Ok(Axis::X),
+        "y" => Ok(Axis::Y),
+        _ => point().ok_or_else(|| "expected x, y, or a pixel X,Y".to_owned()),
     }
 }
 

@@ -159,8 +159,11 @@ pub fn add_layers(image: &mut ExrImage, aov: &[Aov], render: &Render, guides: &[
                     continue;
                 };
                 // a poisoned lock means that a render thread has panicked, and so has this one
-                for ((s, t), film) in films.read().unwrap_or_else(PoisonError::into_inner).iter() {
-                    channels.extend(layer_channels(&format!("s{s}t{t}"), film, passes));
+                for ((s, t, merged), film) in
+                    films.read().unwrap_or_else(PoisonError::into_inner).iter()
+                {
+                    let mark = if *merged { "merged" } else { "" };
+                    channels.extend(layer_channels(&format!("s{s}t{t}{mark}"), film, passes));
                 }
             }
             Aov::Unbiased | Aov::Regularized => {

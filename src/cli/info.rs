@@ -2,7 +2,7 @@
 
 use super::args::InfoOptions;
 use super::load::{Loaded, load};
-use super::usage::{bytes_text, film_bytes, geometry_bytes};
+use super::usage::{bytes_text, film_bytes, geometry_bytes, texture_bytes};
 use super::{CliError, Outcome, glass, print, stats, summary};
 use crate::camera::Camera;
 use crate::geometry::{Shape, Shutter};
@@ -198,11 +198,14 @@ fn to_text(loaded: &Loaded) -> String {
     }
     text += &summary::effects(&effects(loaded));
     let (films, meshes) = (films_bytes(loaded), geometry_bytes(scene));
+    let images = scene.images();
     _ = writeln!(
         text,
-        "memory\n  films         {}\n  meshes        {}",
+        "memory\n  films         {}\n  meshes        {}\n  textures      {}, {} images",
         bytes_text(films),
-        bytes_text(meshes)
+        bytes_text(meshes),
+        bytes_text(texture_bytes(scene)),
+        images.len()
     );
     text
 }
@@ -248,6 +251,6 @@ fn to_json(loaded: &Loaded) -> Value {
         "motion": motion.collect::<Vec<_>>(),
         "media": media.collect::<Vec<_>>(),
         "effects": stats::effects_json(&effects(loaded)),
-        "memory_bytes": { "films": films_bytes(loaded), "meshes": geometry_bytes(scene) },
+        "memory_bytes": { "films": films_bytes(loaded), "meshes": geometry_bytes(scene), "textures": texture_bytes(scene) },
     })
 }

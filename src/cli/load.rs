@@ -4,10 +4,10 @@ use super::CliError;
 use crate::film::Filter;
 use crate::io::scene_file::document::hash_bytes;
 use crate::io::scene_file::{self, OutputUnits};
-use crate::render::EpsilonChoice;
+use crate::render::{EpsilonChoice, RadiusChoice};
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
 use crate::scene::frozen::Frozen;
-use crate::scene::settings::{Heuristic, IntegratorKind, Regularize};
+use crate::scene::settings::{Heuristic, IntegratorKind, Regularize, Sharing};
 use crate::scene::{Scene, Settings};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -65,6 +65,9 @@ pub fn integrator_name(kind: IntegratorKind) -> &'static str {
         IntegratorKind::Path => "path",
         IntegratorKind::Light => "light",
         IntegratorKind::Bdpt => "bdpt",
+        IntegratorKind::Vcm => "vcm",
+        IntegratorKind::Bpm => "bpm",
+        IntegratorKind::Ppm => "ppm",
     }
 }
 
@@ -148,6 +151,29 @@ impl Loaded {
             ("epsilonFirst", epsilon.epsilon.to_string()),
             ("epsilonReason", epsilon.reason.clone()),
             ("epsilonSchedule", schedule),
+        ]
+        .map(|(name, value)| (name.to_owned(), value))
+        .into()
+    }
+
+    /// What the image says of merging.
+    #[must_use]
+    pub fn merging_attributes(&self, radius: &RadiusChoice) -> BTreeMap<String, String> {
+        let merging = &self.settings.merging;
+        let sharing = match merging.sharing {
+            Sharing::Hero => "hero",
+            Sharing::Set => "set",
+            Sharing::Stratified => "stratified",
+        };
+        let exponent = -0.5 * (1.0 - merging.alpha);
+        [
+            ("mergeRadiusFirst", format!("{} m", radius.radius)),
+            ("mergeRadiusReason", radius.reason.clone()),
+            (
+                "mergeRadiusSchedule",
+                format!("{} (pass + 1)^({exponent:.6}) m", radius.radius),
+            ),
+            ("sharing", sharing.to_owned()),
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into()

@@ -3,7 +3,9 @@
 //! Results go to stdout; progress, warnings and errors go to stderr, errors as one line each beginning with `error:`.
 
 mod args;
+mod banding;
 mod compare;
+mod convert;
 mod cost;
 mod error;
 mod glass;
@@ -54,6 +56,8 @@ pub fn run() -> ExitCode {
         Command::Compare(options) => compare::run(&options),
         Command::Glass(options) => glass::run(&options),
         Command::Merge(options) => merge::run(&options),
+        Command::Banding(options) => banding::run(&options),
+        Command::Convert(options) => convert::run(&options),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -9,7 +9,7 @@ use super::interrupt::Interrupt;
 use super::load::{self, Loaded};
 use super::progress::Progress;
 use super::stats::{self, SensorStats};
-use super::usage::{bytes_text, film_bytes, geometry_bytes};
+use super::usage::{bytes_text, film_bytes, geometry_bytes, texture_bytes};
 use super::{CliError, Outcome, print, summary};
 use crate::film::{Crop, SensorResponse, SpectralChannels};
 use crate::io::atomic::check_writable;
@@ -18,7 +18,8 @@ use crate::io::scene_file::OutputUnits;
 use crate::render::forecast::ErrorHistory;
 use crate::render::guides::Guide;
 use crate::render::stop::{StopReason, StopRules};
-use crate::render::{OutputRequest, Render};
+use crate::render::{OutputRequest, PhotonMemory, Render};
+use crate::scene::Scene;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::ops::Range;
@@ -243,28 +244,46 @@ fn check_memory(
     request: &OutputRequest,
     crops: &[Crop],
 ) -> Result<(), CliError> {
-    let Some(limit) = options.max_memory else {
-        return Ok(());
-    };
-    let shares = if request.shares { 2 } else { 0 };
-    let channels = 3 * (1 + request.classes.len() + shares)
-        + request
-            .spectral
-            .as_ref()
-            .map_or(0, SensorResponse::channels);
     // sensors are rendered one after the other
     let films = crops
         .iter()
-        .map(|c| film_bytes(c.pixels(), channels as u64))
+        .map(|c| film_bytes(c.pixels(), channels(request)))
         .max()
         .unwrap_or(0);
-    let needed = films.saturating_add(geometry_bytes(&loaded.scene));
-    if needed <= limit {
+    within_limit(options, films, &loaded.scene, None)
+}
+
+/// Channels of all films of a render.
+fn channels(request: &OutputRequest) -> u64 {
+    let shares = if request.shares { 2 } else { 0 };
+    let spectral = request.spectral.as_ref();
+    let spectral = spectral.map_or(0, SensorResponse::channels);
+    (3 * (1 + request.classes.len() + shares) + spectral) as u64
+}
+
+/// Whether films, meshes, textures and photons fit into what is allowed.
+fn within_limit(
+    options: &RenderOptions,
+    films: u64,
+    scene: &Scene,
+    photons: Option<&PhotonMemory>,
+) -> Result<(), CliError> {
+    let photon_bytes = photons.map_or(0, PhotonMemory::bytes);
+    let needed = films
+        .saturating_add(geometry_bytes(scene))
+        .saturating_add(texture_bytes(scene))
+        .saturating_add(photon_bytes);
+    let Some(limit) = options.max_memory.filter(|&limit| needed > limit) else {
         return Ok(());
-    }
+    };
+    let what = if photons.is_some() {
+        "films, meshes, textures and photons"
+    } else {
+        "films, meshes and textures"
+    };
     let (needed, limit) = (bytes_text(needed), bytes_text(limit));
     Err(CliError::Failed(format!(
-        "films and meshes need {needed}, --max-memory allows {limit}"
+        "{what} need {needed}, --max-memory allows {limit}"
     )))
 }
 
@@ -304,6 +323,19 @@ impl Job<'_> {
         }
         if !options.quiet {
             print(&summary::regularization(&render));
+        }
+        if let (Some(radius), Some(memory)) = (render.radius(), render.photon_memory()) {
+            if !options.quiet {
+                print(&summary::merging(radius, &memory));
+            }
+            let films = film_bytes(crop.pixels(), channels(&self.request));
+            within_limit(options, films, &loaded.scene, Some(&memory))?;
+            if !memory.is_addressable() {
+                return Err(CliError::Failed(
+                    "a pass would have more than 4 billion photons: render with a smaller --crop"
+                        .to_owned(),
+                ));
+            }
         }
         let guides = guides_for(&options.aov, &loaded.scene, sensor, &render);
         let done: BTreeSet<u32> = render.passes().iter().copied().collect();
@@ -444,6 +476,9 @@ impl Job<'_> {
         let mut attributes = self.loaded.image_attributes(sensor);
         if let Some(epsilon) = render.epsilon() {
             attributes.extend(self.loaded.epsilon_attributes(epsilon));
+        }
+        if let Some(radius) = render.radius() {
+            attributes.extend(self.loaded.merging_attributes(radius));
         }
         attributes
     }

@@ -5,11 +5,11 @@ use super::args::VERSION;
 use super::load::{Loaded, integrator_name};
 use super::usage::{cpu_seconds, peak_memory_bytes};
 use crate::io::atomic::write_atomic;
-use crate::render::Render;
 use crate::render::bias::BiasEstimate;
 use crate::render::forecast::Forecast;
 use crate::render::stop::StopReason;
 use crate::render::table::ClassShare;
+use crate::render::{Render, SharedWavelengths};
 use crate::scene::effects::Effect;
 use crate::transport::Counters;
 use serde_json::{Value, json};
@@ -55,6 +55,53 @@ impl EpsilonStats {
     }
 }
 
+/// What merging did.
+#[derive(Clone, Copy, Debug)]
+pub struct MergeStats {
+    /// Radius of the first pass done, in metres.
+    pub radius_first: f64,
+    /// Of the last.
+    pub radius_last: f64,
+    /// Bytes of the largest map of photons.
+    pub bytes: u64,
+    /// Bytes of a stored vertex, its place in the index included.
+    pub bytes_per_vertex: u64,
+    /// Stored vertices of a light sub-path, on average.
+    pub vertices_per_path: f64,
+    /// Wavelengths that passes shared. (Each pass also has one time.)
+    pub wavelengths: SharedWavelengths,
+}
+
+impl MergeStats {
+    fn new(render: &Render) -> Option<Self> {
+        let passes = render.passes();
+        let counters = render.counters();
+        Some(Self {
+            radius_first: render.radius_of_pass(*passes.iter().min()?)?,
+            radius_last: render.radius_of_pass(*passes.iter().max()?)?,
+            bytes: render.photon_bytes(),
+            bytes_per_vertex: render.photon_memory()?.bytes_per_vertex,
+            vertices_per_path: counters.photons as f64 / counters.paths.max(1) as f64,
+            wavelengths: render.shared_wavelengths()?,
+        })
+    }
+
+    fn json(&self, counters: &Counters, passes: usize) -> Value {
+        json!({
+            "radius_first": self.radius_first,
+            "radius_last": self.radius_last,
+            "light_vertices": counters.photons,
+            "light_vertices_per_path": self.vertices_per_path,
+            "light_vertices_found": counters.photons_found,
+            "bytes_per_light_vertex": self.bytes_per_vertex,
+            "bytes": self.bytes,
+            "distinct_wavelengths": self.wavelengths.distinct,
+            "largest_gap_nm": self.wavelengths.largest_gap_nm,
+            "distinct_times": passes,
+        })
+    }
+}
+
 /// Numbers of one sensor's render.
 #[derive(Debug)]
 pub struct SensorStats {
@@ -84,6 +131,8 @@ pub struct SensorStats {
     pub rarely_hit: Vec<ClassShare>,
     /// Its cones, if it was regularized.
     pub epsilon: Option<EpsilonStats>,
+    /// Its photons, if there were any.
+    pub merging: Option<MergeStats>,
     regularization: Value,
     table: Vec<Value>,
 }
@@ -127,6 +176,7 @@ impl SensorStats {
             forecast: None,
             rarely_hit: render.table().rarely_hit(FEW_HITS),
             epsilon: EpsilonStats::new(render),
+            merging: MergeStats::new(render),
             regularization: effect_json(&render.regularization().effect()),
             table: rows.collect(),
             counters,
@@ -165,6 +215,7 @@ impl SensorStats {
             "rarely_hit": self.rarely_hit.iter().map(class_json).collect::<Vec<_>>(),
             "regularization": self.regularization,
             "epsilon": self.epsilon.as_ref().map(EpsilonStats::json),
+            "merging": self.merging.as_ref().map(|m| m.json(c, self.passes.len())),
             "classes": self.table,
         })
     }

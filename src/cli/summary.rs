@@ -2,8 +2,9 @@
 
 use super::readable::{duration, percent};
 use super::stats::{FEW_HITS, SensorStats};
-use crate::render::Render;
+use super::usage::bytes_text;
 use crate::render::forecast::Forecast;
+use crate::render::{PhotonMemory, RadiusChoice, Render};
 use crate::scene::effects::Effect;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -41,6 +42,24 @@ pub fn regularization(render: &Render) -> String {
         );
     }
     text
+}
+
+/// Radius and memory of a render that merges photons.
+#[must_use]
+pub fn merging(radius: &RadiusChoice, memory: &PhotonMemory) -> String {
+    format!(
+        "  {:<14} {:<4} {:.4e} m in pass 0: {}\n  {:<14} {:<4} about {} in a pass: {:.2} vertices of {} B for each of {} light paths\n",
+        "radius",
+        "",
+        radius.radius,
+        radius.reason,
+        "photons",
+        "",
+        bytes_text(memory.bytes()),
+        memory.vertices_per_path,
+        memory.bytes_per_vertex,
+        memory.paths,
+    )
 }
 
 /// The closing summary of one sensor; `preview` is its file and exposure.
@@ -90,6 +109,19 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
                 100.0 * bias.noise
             );
         }
+    }
+    if let Some(merging) = &stats.merging {
+        _ = writeln!(
+            text,
+            "  radius    {:.4e} to {:.4e} m\n  photons   {} ({:.2} per light path, {} B each)\n  shared    {} wavelengths, largest gap {:.1} nm",
+            merging.radius_first,
+            merging.radius_last,
+            bytes_text(merging.bytes),
+            merging.vertices_per_path,
+            merging.bytes_per_vertex,
+            merging.wavelengths.distinct,
+            merging.wavelengths.largest_gap_nm,
+        );
     }
     let trouble = [
         (

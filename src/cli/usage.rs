@@ -2,6 +2,7 @@
 
 use crate::film::fixed::FixedSum;
 use crate::geometry::Shape;
+use crate::light::Light;
 use crate::scene::Scene;
 use std::sync::Arc;
 
@@ -62,6 +63,17 @@ pub fn geometry_bytes(scene: &Scene) -> u64 {
         }
     }
     bytes
+}
+
+/// Bytes of the images of a scene, shared ones once, and of the tables that draw from environments.
+#[must_use]
+pub fn texture_bytes(scene: &Scene) -> u64 {
+    let images: usize = scene.images().iter().map(|i| i.bytes()).sum();
+    let table = |light: &Light| match light {
+        Light::Environment(e) => e.image.as_ref().map_or(0, |i| i.table_bytes()),
+        _ => 0,
+    };
+    (images + scene.lights.iter().map(table).sum::<usize>()) as u64
 }
 
 /// A number of bytes for reading.

@@ -129,6 +129,29 @@ impl Accel {
         )
     }
 
+    /// Derivatives of the position by the texture coordinates at a surface point, in world space; `None` where there are
+    /// none.
+    #[must_use]
+    pub fn tangents(&self, point: &SurfacePoint, time: f64) -> Option<[DVec3; 2]> {
+        let instance = &self.instances[point.id.instance.0 as usize];
+        let placement = instance.transform.at(time);
+        let p = placement.to_object.transform_point3(point.p);
+        let local = instance.shape.tangents(point.id.prim, p)?;
+        Some(local.map(|d| placement.to_world.transform_vector3(d)))
+    }
+
+    /// Texture coordinates at the point `p` of a face, in world space.
+    #[must_use]
+    pub fn texture_coordinates(&self, id: SurfaceId, p: DVec3, time: f64) -> DVec2 {
+        let instance = &self.instances[id.instance.0 as usize];
+        let p = instance.transform.at(time).to_object.transform_point3(p);
+        let weights = match &instance.shape {
+            Shape::Mesh(mesh) => mesh.weights(id.prim, p),
+            _ => DVec2::ZERO,
+        };
+        instance.shape.local_point(id.prim, p, weights, time).uv
+    }
+
     /// Full local geometry of a hit: position refined onto the surface, normals, uv.
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {

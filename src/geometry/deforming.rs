@@ -9,12 +9,12 @@ use super::mesh::{MeshError, check, edges_pair_up, vec, winding_normal};
 use super::motion::Shutter;
 use super::ray::LocalRay;
 use super::shape::{LocalPoint, Shape};
-use super::tree::{self, Tree};
-use super::triangles::Corners;
+use super::tree::{self, Entry, Tree};
+use super::triangles::{Corners, Triangles};
 use super::{InstanceId, Mesh, Ray};
 use crate::math::distribution::AliasTable;
 use crate::math::hash::{random_bits, unit_f64};
-use crate::math::predicates::{TriangleHit, TriangleRay};
+use crate::math::predicates::{TriangleFilter, TriangleHit, TriangleRay};
 use crate::math::sampling::uniform_sphere;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use std::sync::{Arc, OnceLock};
@@ -62,6 +62,8 @@ pub struct Deforming {
     frames: Vec<Frame>,
     uvs: Option<Vec<[f32; 2]>>,
     triangles: Vec<[u32; 3]>,
+    /// Corners of all triangles, per frame.
+    corners: Vec<Triangles>,
     shutter: Shutter,
     segments: Vec<Segment>,
     bounds: (DVec3, DVec3),
@@ -81,7 +83,7 @@ const MOST_SEGMENTS: usize = 16;
 /// Most leaves of all segments of a mesh together (some 3 GB).
 const MOST_LEAVES: usize = 1 << 28;
 /// Twice the segments must leave at most this share of the triangles tested per ray.
-const WORTHWHILE: f64 = 0.8;
+const WORTHWHILE: f64 = 0.65;
 /// Rays by which tests are measured.
 const TRIAL_RAYS: u64 = 512;
 
@@ -91,7 +93,7 @@ const TRIAL_RAYS: u64 = 512;
 /// # Errors
 /// [`DeformingError`] if the frames differ in their vertices, their times do not rise, or one of them is no mesh.
 pub fn shape(
-    frames: Vec<Frame>,
+    frames: &[Frame],
     uvs: Option<Vec<[f32; 2]>>,
     triangles: Vec<[u32; 3]>,
     shutter: Shutter,
@@ -125,8 +127,8 @@ pub fn shape(
         Mesh::new(&positions, normals, uvs.clone(), triangles.clone())
             .map_err(|source| DeformingError::Mesh { frame: 0, source })
     };
-    let inside = held(&frames, shutter);
-    let mesh = still(&frames, shutter.open_s)?;
+    let inside = held(frames, shutter);
+    let mesh = still(frames, shutter.open_s)?;
     if shutter.is_instant() || inside.windows(2).all(|w| same(&w[0], &w[1])) {
         return Ok(Shape::Mesh(Arc::new(mesh)));
     }
@@ -137,6 +139,7 @@ pub fn shape(
         frames: inside,
         uvs,
         triangles,
+        corners: Vec::new(),
         shutter,
         segments: Vec::new(),
         area_table: OnceLock::new(),
@@ -186,9 +189,11 @@ fn has_normals(frames: &[Frame]) -> bool {
     frames.iter().all(|f| f.normals.is_some())
 }
 
-/// The frame at or before `t`, the one after it, and the fraction of the way between.
+/// The frame at or before a time, the one after it, and the fraction of the way between.
+type Between = (usize, usize, f64);
+
 #[inline]
-fn between(frames: &[Frame], t: f64) -> (usize, usize, f64) {
+fn between(frames: &[Frame], t: f64) -> Between {
     let next = frames.partition_point(|f| f.time_s <= t);
     if next == 0 {
         return (0, 0, 0.0);
@@ -250,6 +255,7 @@ impl Deforming {
         let frame = |f: &Frame| 12 * (f.positions.len() + f.normals.as_ref().map_or(0, Vec::len));
         self.frames.iter().map(frame).sum::<usize>()
             + 12 * self.triangles.len()
+            + self.corners.iter().map(Triangles::bytes).sum::<usize>()
             + self.uvs.as_ref().map_or(0, |uvs| 8 * uvs.len())
             + self
                 .segments
@@ -265,15 +271,14 @@ impl Deforming {
         self.rounded_corners(prim, time).map(vec)
     }
 
-    #[inline]
     fn rounded_corners(&self, prim: u32, time: f64) -> Corners {
-        let (a, b, u) = between(&self.frames, time);
-        let (from, to) = (&self.frames[a].positions, &self.frames[b].positions);
-        self.triangles[prim as usize].map(|v| {
-            lerp(from[v as usize], to[v as usize], u)
-                .as_vec3()
-                .to_array()
-        })
+        self.corners_between(prim, between(&self.frames, time))
+    }
+
+    #[inline(always)]
+    fn corners_between(&self, prim: u32, (a, b, u): Between) -> Corners {
+        let (from, to) = (self.corners[a].get(prim), self.corners[b].get(prim));
+        [0, 1, 2].map(|i| lerp(from[i], to[i], u).as_vec3().to_array())
     }
 
     /// Whether every edge is shared by two triangles of opposite winding. Vertices count as one where they are at one
@@ -299,7 +304,10 @@ impl Deforming {
 
     /// Cuts the shutter into as many segments as pay for themselves.
     fn choose_segments(&mut self) {
+        self.lay_out();
         self.segments = self.cut(1);
+        self.sort();
+        self.lay_out();
         let mut tests = self.tests_per_ray();
         while self.segments.len() < MOST_SEGMENTS
             && 2 * self.segments.len() * self.triangles.len() <= MOST_LEAVES
@@ -313,6 +321,45 @@ impl Deforming {
             }
             tests = after;
         }
+    }
+
+    /// Renumbers triangles and vertices in the order of the leaves of the only tree: what is tested together is near in memory.
+    fn sort(&mut self) {
+        let order = &mut self.segments[0].order;
+        let mut triangles: Vec<[u32; 3]> =
+            order.iter().map(|&i| self.triangles[i as usize]).collect();
+        for (leaf, prim) in order.iter_mut().enumerate() {
+            *prim = leaf as u32;
+        }
+        let mut old = Vec::new();
+        let mut new = vec![u32::MAX; self.frames[0].positions.len()];
+        for v in triangles.as_flattened_mut() {
+            let number = &mut new[*v as usize];
+            if *number == u32::MAX {
+                *number = old.len() as u32;
+                old.push(*v as usize);
+            }
+            *v = *number;
+        }
+        self.triangles = triangles;
+        for frame in &mut self.frames {
+            frame.positions = old.iter().map(|&v| frame.positions[v]).collect();
+            if let Some(normals) = &mut frame.normals {
+                *normals = old.iter().map(|&v| normals[v]).collect();
+            }
+        }
+        if let Some(uvs) = &mut self.uvs {
+            *uvs = old.iter().map(|&v| uvs[v]).collect();
+        }
+    }
+
+    /// Writes down the corners of the triangles.
+    fn lay_out(&mut self) {
+        let corners = |f: &Frame| {
+            let of = |t: &[u32; 3]| t.map(|v| f.positions[v as usize]);
+            Triangles::new(self.triangles.iter().map(of))
+        };
+        self.corners = self.frames.iter().map(corners).collect();
     }
 
     /// Trees over `count` equal parts of the shutter.
@@ -376,11 +423,11 @@ impl Deforming {
         time: f64,
         mut tested: impl FnMut(u32),
     ) -> Option<(f64, u32, DVec2)> {
-        let tri = TriangleRay::new(ray.o, ray.d);
-        let segment = self.segment(time);
+        let (segment, moment) = (self.segment(time), between(&self.frames, time));
         let mut best = None;
         let mut t_best = ray.t_max;
         let entry = segment.tree.enter(ray.o, ray.d, ray.t_max)?;
+        let prepared = self.prepare(ray, &entry);
         segment.tree.closest(
             entry,
             |_| (),
@@ -389,7 +436,7 @@ impl Deforming {
                 for leaf in leaves {
                     let prim = segment.order[leaf as usize];
                     tested(prim);
-                    if let Some(hit) = self.hit(ray, &tri, prim, time, t_best) {
+                    if let Some(hit) = self.hit(ray, &prepared, prim, moment, t_best) {
                         t_best = hit.t;
                         best = Some((hit.t, prim, DVec2::from(hit.weights)));
                         nearer = Some(hit.t);
@@ -401,20 +448,32 @@ impl Deforming {
         best
     }
 
+    /// What tests of triangles need to know of a ray that enters a tree.
+    #[inline(always)]
+    fn prepare(&self, ray: &LocalRay, entry: &Entry) -> (TriangleRay, TriangleFilter) {
+        let tri = TriangleRay::new(ray.o, ray.d);
+        // twice the extent: interpolation in f32 errs by less than 7 units of it, which the filter's own bound would not hold
+        let filter = TriangleFilter::new(&tri, ray.at(entry.t), 2.0 * self.extent());
+        (tri, filter)
+    }
+
     #[inline(always)]
     fn hit(
         &self,
         ray: &LocalRay,
-        tri: &TriangleRay,
+        (tri, filter): &(TriangleRay, TriangleFilter),
         prim: u32,
-        time: f64,
+        moment: Between,
         t_max: f64,
     ) -> Option<TriangleHit> {
-        let corners = self.rounded_corners(prim, time);
-        let hit = tri.intersect(&corners, t_max)?;
-        if ray.start == Some(prim) || ray.end == Some(prim) {
+        let (a, b, u) = moment;
+        let (from, to) = (&self.corners[a], &self.corners[b]);
+        let may_hit = from.pass_between(to, u as f32, filter, prim);
+        if !may_hit || ray.start == Some(prim) || ray.end == Some(prim) {
             return None;
         }
+        let corners = self.corners_between(prim, moment);
+        let hit = tri.intersect(&corners, t_max)?;
         let n = winding_normal(&corners);
         ray.counts(hit.t, hit.d_dot_normal / n.length())
             .then_some(hit)
@@ -429,18 +488,18 @@ impl Deforming {
     /// Whether any triangle is hit.
     #[inline]
     pub(super) fn occluded(&self, ray: &LocalRay, time: f64) -> bool {
-        let tri = TriangleRay::new(ray.o, ray.d);
-        let segment = self.segment(time);
+        let (segment, moment) = (self.segment(time), between(&self.frames, time));
         let Some(entry) = segment.tree.enter(ray.o, ray.d, ray.t_max) else {
             return false;
         };
+        let prepared = self.prepare(ray, &entry);
         segment.tree.any(
             entry,
             |_| (),
             |mut leaves| {
                 leaves.any(|leaf| {
                     let prim = segment.order[leaf as usize];
-                    self.hit(ray, &tri, prim, time, ray.t_max).is_some()
+                    self.hit(ray, &prepared, prim, moment, ray.t_max).is_some()
                 })
             },
         )

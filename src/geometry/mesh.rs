@@ -169,6 +169,12 @@ impl Mesh {
         self.triangles.get(prim).map(vec)
     }
 
+    /// Whether its vertices have texture coordinates.
+    #[must_use]
+    pub fn has_texture_coordinates(&self) -> bool {
+        self.attributes.as_ref().is_some_and(|a| a.uvs.is_some())
+    }
+
     /// Bounds in object space.
     #[must_use]
     pub fn bounds(&self) -> (DVec3, DVec3) {
@@ -302,6 +308,36 @@ impl Mesh {
             ns,
             uv,
             prim,
+        }
+    }
+
+    /// Derivatives of the position of triangle `prim` by its texture coordinates; `None` where it has none or they are
+    /// degenerate.
+    pub(super) fn tangents(&self, prim: u32) -> Option<[DVec3; 2]> {
+        let attributes = self.attributes.as_ref()?;
+        let uvs = attributes.uvs.as_ref()?;
+        let [a, b, c] = self.corners(prim);
+        let [i, j, k] =
+            attributes.indices[prim as usize].map(|v| DVec2::from(uvs[v as usize].map(f64::from)));
+        let (s, t) = (j - i, k - i);
+        let determinant = s.perp_dot(t);
+        let (p, q) = (b - a, c - a);
+        let du = (p * t.y - q * s.y) / determinant;
+        let dv = (q * s.x - p * t.x) / determinant;
+        (du.is_finite() && dv.is_finite()).then_some([du, dv])
+    }
+
+    /// Barycentric weights of the second and third vertex at the point of triangle `prim` nearest to `p` in its plane.
+    pub(super) fn weights(&self, prim: u32, p: DVec3) -> DVec2 {
+        let [a, b, c] = self.corners(prim);
+        let (s, t, q) = (b - a, c - a, p - a);
+        let (ss, st, tt) = (s.dot(s), s.dot(t), t.dot(t));
+        let (qs, qt) = (q.dot(s), q.dot(t));
+        let w = DVec2::new(tt * qs - st * qt, ss * qt - st * qs) / (ss * tt - st * st);
+        if w.is_finite() {
+            w.clamp(DVec2::ZERO, DVec2::ONE)
+        } else {
+            DVec2::ZERO
         }
     }
 

@@ -127,7 +127,7 @@ impl Shape {
         match self {
             Self::Sphere => {
                 let p = p.normalize();
-                let uv = DVec2::new(turn(p), p.z.clamp(-1.0, 1.0).acos() / PI);
+                let uv = DVec2::new(turn(p), (-p.z).clamp(-1.0, 1.0).acos() / PI);
                 flat(p, p, uv)
             }
             Self::Disk { .. } | Self::Quad => flat(p.with_z(0.0), DVec3::Z, square(p.truncate())),
@@ -148,6 +148,27 @@ impl Shape {
             }
             Self::Mesh(mesh) => mesh.local_point(prim, weights),
             Self::Deforming(mesh) => mesh.local_point(prim, weights, time),
+        }
+    }
+
+    /// Derivatives of the position by the texture coordinates at `p` on face `prim`, in object space; `None` where there
+    /// are none.
+    pub(super) fn tangents(&self, prim: u32, p: DVec3) -> Option<[DVec3; 2]> {
+        let turned = DVec3::new(-p.y, p.x, 0.0) * TAU;
+        match self {
+            Self::Sphere => {
+                let r = p.truncate().length();
+                let up = DVec3::new(-p.x * p.z / r, -p.y * p.z / r, r) * PI;
+                up.is_finite().then_some([turned, up])
+            }
+            Self::Disk { .. } | Self::Quad => Some([DVec3::X * 2.0, DVec3::Y * 2.0]),
+            Self::Cylinder => Some([turned, DVec3::Z * 2.0]),
+            Self::Box => {
+                let axis = (prim / 2) as usize % 3;
+                Some([(axis + 1) % 3, (axis + 2) % 3].map(|i| DVec3::AXES[i] * 2.0))
+            }
+            Self::Mesh(mesh) => mesh.tangents(prim),
+            Self::Deforming(_) => None,
         }
     }
 

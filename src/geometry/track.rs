@@ -139,9 +139,14 @@ impl<T: Vector> Track<T> {
         if keys.is_empty() {
             return Err(TrackError::Empty);
         }
-        for (i, (time, value)) in keys.iter().enumerate() {
+        // a key before its neighbors' tangents, which are made from it
+        let finite = |key: &(f64, T)| key.0.is_finite() && key.1.is_finite();
+        if let Some(i) = keys.iter().position(|key| !finite(key)) {
+            return Err(TrackError::NotFinite(i));
+        }
+        for (i, (time, _)) in keys.iter().enumerate() {
             let pair = tangents.get(i).copied().unwrap_or([T::ZERO; 2]);
-            if !(time.is_finite() && value.is_finite() && pair.iter().all(|t| t.is_finite())) {
+            if !pair.iter().all(|t| t.is_finite()) {
                 return Err(TrackError::NotFinite(i));
             }
             if i > 0 && *time <= keys[i - 1].0 {

@@ -58,6 +58,17 @@ impl Triangles {
         }
     }
 
+    /// Whether `filter` lets triangle `index` pass at the fraction `u` of the way to the same triangle of `other`.
+    #[inline(always)]
+    pub fn pass_between(&self, other: &Self, u: f32, filter: &TriangleFilter, index: u32) -> bool {
+        let rows = |of: &'_ Self| -> [Vec4; 3] {
+            let rows = &of.rows[9 * index as usize..][..10];
+            [0, 1, 2].map(|axis| Vec4::from_slice(&rows[3 * axis..][..4]))
+        };
+        let (from, to) = (rows(self), rows(other));
+        filter.passes(|axis| from[axis] + (to[axis] - from[axis]) * Vec4::splat(u))
+    }
+
     /// Whether `filter` lets triangle `index` pass.
     #[inline(always)]
     pub fn pass(&self, filter: &TriangleFilter, index: u32) -> bool {

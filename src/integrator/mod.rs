@@ -1,5 +1,7 @@
 //! Integrators: thin strategies over the path core.
 
+pub mod photons;
 pub mod sample;
 
-pub use sample::{Frame, Workspace, sample_pixel};
+pub use photons::PhotonTracer;
+pub use sample::{Frame, Workspace, sample_and_merge, sample_pixel};

@@ -9,14 +9,15 @@ use crate::geometry::{EndPoint, Ray};
 use crate::medium::MediumLanes;
 use crate::sampler::{Sampler, Stream};
 use crate::scene::regularization::{Decision, Mode, decide};
-use crate::scene::settings::IntegratorKind;
+use crate::scene::settings::{IntegratorKind, Sharing};
 use crate::scene::{Scene, Settings};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
-use crate::transport::connect::{Joiner, light_end_factor};
+use crate::transport::connect::{Joiner, Photons, light_end_factor};
+use crate::transport::context::SharedSample;
 use crate::transport::subpath::Vertex;
 use crate::transport::walk::{Start, walk};
 use crate::transport::{
-    Contribution, Counters, PassSettings, PathContext, Subpath, Techniques, Throughput,
+    Contribution, Counters, PassSettings, PathContext, PhotonMap, Subpath, Techniques, Throughput,
     VertexDensity,
 };
 use glam::{DVec2, DVec3};
@@ -36,6 +37,10 @@ pub struct Frame<'a> {
     pub regularization: Decision,
     /// Also compute raw values (for tables of strategies).
     pub with_raw: bool,
+    /// Note every merged photon on its own (for what is kept by path class).
+    pub detailed: bool,
+    /// Light sub-paths of a pass, by the wavelength of its set that is their hero.
+    light_paths: Vec<u64>,
 }
 
 impl<'a> Frame<'a> {
@@ -65,8 +70,82 @@ impl<'a> Frame<'a> {
             techniques,
             regularization: decision,
             with_raw,
+            detailed: with_raw,
+            light_paths: light_paths(crop, heroes(scene, settings)),
         }
     }
+
+    /// How many wavelengths of a shared set take turns as heroes.
+    #[must_use]
+    pub fn heroes(&self) -> u32 {
+        self.light_paths.len() as u32
+    }
+
+    /// The techniques of a pass for the paths of one pixel.
+    pub(super) fn techniques_of(&self, pass: &PassSettings, pixel: (u32, u32)) -> Techniques<'a> {
+        let merging = match (pass.merge_radius, &pass.shared) {
+            (Some(radius), Some(shared)) => {
+                let paths = self.light_paths[shared.hero(pixel) as usize];
+                std::f64::consts::PI * radius * radius * paths as f64
+            }
+            _ => 0.0,
+        };
+        Techniques {
+            cone: pass.cone,
+            merging,
+            ..self.techniques
+        }
+    }
+
+    pub(super) fn max_depth(&self) -> usize {
+        let limit = self.settings.max_depth;
+        limit.map_or(usize::MAX - 8, |d| d as usize)
+    }
+
+    /// Wavelengths per path.
+    #[must_use]
+    pub fn lanes(&self) -> usize {
+        lanes(self.scene, self.settings)
+    }
+
+    /// The numbers of one pixel in a pass.
+    fn sampler(&self, pass: &PassSettings, (x, y): (u32, u32)) -> Sampler {
+        let width = self.scene.sensors[self.sensor].camera.resolution().width;
+        let pixel = u64::from(y) * u64::from(width) + u64::from(x);
+        Sampler::new(self.settings.seed, self.sensor as u32, pixel, pass.index)
+    }
+}
+
+fn lanes(scene: &Scene, settings: &Settings) -> usize {
+    if scene.wavelengths.is_single() {
+        1
+    } else {
+        settings.lanes
+    }
+}
+
+fn heroes(scene: &Scene, settings: &Settings) -> u32 {
+    match settings.merging.sharing {
+        Sharing::Set if settings.integrator.merges() => lanes(scene, settings) as u32,
+        _ => 1,
+    }
+}
+
+/// Pixels of the crop by their hero.
+fn light_paths(crop: &Crop, heroes: u32) -> Vec<u64> {
+    let shared = SharedSample {
+        heroes,
+        ..SharedSample::default()
+    };
+    let mut counts = vec![0; heroes as usize];
+    if heroes == 1 {
+        counts[0] = crop.pixels();
+    } else {
+        for pixel in (crop.y0..crop.y1).flat_map(|y| (crop.x0..crop.x1).map(move |x| (x, y))) {
+            counts[shared.hero(pixel) as usize] += 1;
+        }
+    }
+    counts
 }
 
 /// Buffers that one thread reuses from sample to sample.
@@ -76,6 +155,7 @@ pub struct Workspace {
     light: Subpath,
     camera: Subpath,
     arrival: Vec<VertexDensity>,
+    retraced: Subpath,
     /// What the last sample gave.
     pub contributions: Vec<Contribution>,
     /// Counts of this thread.
@@ -90,35 +170,31 @@ impl Workspace {
     }
 }
 
-/// Computes one sample of pixel (x, y) into the workspace. Returns its wavelengths' context-free part: the contributions are in
-/// `workspace.contributions`, to be turned into film values by `response` at the returned wavelengths.
-pub fn sample_pixel(
-    frame: &Frame,
-    pass: &PassSettings,
+/// Wavelengths and media of one pixel's paths in a pass.
+pub(super) fn begin<'a>(
+    frame: &Frame<'a>,
+    pass: &'a PassSettings,
     (x, y): (u32, u32),
     response: &SensorResponse,
-    workspace: &mut Workspace,
-) -> crate::spectrum::SampledWavelengths {
+    media: &'a mut Vec<MediumLanes>,
+) -> (Sampler, PathContext<'a>) {
     let scene = frame.scene;
-    let settings = frame.settings;
-    let sensor = &scene.sensors[frame.sensor];
-    let resolution = sensor.camera.resolution();
-    let (width, height) = (resolution.width, resolution.height);
-    let pixel = u64::from(y) * u64::from(width) + u64::from(x);
-    let sampler = Sampler::new(settings.seed, frame.sensor as u32, pixel, pass.index);
-    let mut base = sampler.stream(Stream::Base);
-    let [u_film_x, u_film_y, u_lens_x, u_lens_y] = base.next4();
-
-    let lanes = if scene.wavelengths.is_single() {
-        1
-    } else {
-        settings.lanes
+    let resolution = scene.sensors[frame.sensor].camera.resolution();
+    let sampler = frame.sampler(pass, (x, y));
+    let lanes = frame.lanes();
+    let u_wavelength = match &pass.shared {
+        None => sampler.wavelength(
+            (x, y),
+            (resolution.width, resolution.height),
+            frame.settings.seed,
+        ),
+        Some(shared) => {
+            let turn = f64::from(shared.hero((x, y))) / lanes as f64;
+            (shared.u_wavelength + turn).fract()
+        }
     };
-    let u_wavelength = pass.shared.map_or_else(
-        || sampler.wavelength((x, y), (width, height), settings.seed),
-        |shared| shared.u_wavelength,
-    );
     let wavelengths = scene.wavelengths.sample(u_wavelength, lanes);
+    let sensor = &scene.sensors[frame.sensor];
     let time = if scene.is_moving && !sensor.shutter.is_instant() {
         let u = pass
             .shared
@@ -127,16 +203,6 @@ pub fn sample_pixel(
     } else {
         sensor.shutter.open_s
     };
-    let Workspace {
-        media,
-        light,
-        camera,
-        arrival,
-        contributions,
-        counters,
-    } = workspace;
-    contributions.clear();
-    counters.paths += 1;
     media.clear();
     media.extend(scene.media.iter().map(|m| m.sample(&wavelengths)));
     let mut weights = [0.0; MAX_LANES];
@@ -152,7 +218,52 @@ pub fn sample_pixel(
         time,
         response: weights,
     };
-    let max_depth = settings.max_depth.map_or(usize::MAX - 8, |d| d as usize);
+    (sampler, context)
+}
+
+/// Computes one sample of pixel (x, y) into the workspace, without merging. Returns its wavelengths' context-free part: the
+/// contributions are in `workspace.contributions`, to be turned into film values by `response` at the returned wavelengths.
+pub fn sample_pixel(
+    frame: &Frame,
+    pass: &PassSettings,
+    pixel: (u32, u32),
+    response: &SensorResponse,
+    workspace: &mut Workspace,
+) -> crate::spectrum::SampledWavelengths {
+    let unmerged = PassSettings {
+        merge_radius: None,
+        ..*pass
+    };
+    sample_and_merge(frame, &unmerged, None, pixel, response, workspace)
+}
+
+/// The same, and the camera sub-path is merged with the photons of its pass.
+pub fn sample_and_merge(
+    frame: &Frame,
+    pass: &PassSettings,
+    photons: Option<&PhotonMap>,
+    (x, y): (u32, u32),
+    response: &SensorResponse,
+    workspace: &mut Workspace,
+) -> crate::spectrum::SampledWavelengths {
+    let scene = frame.scene;
+    let settings = frame.settings;
+    let sensor = &scene.sensors[frame.sensor];
+    let Workspace {
+        media,
+        light,
+        camera,
+        arrival,
+        retraced,
+        contributions,
+        counters,
+    } = workspace;
+    contributions.clear();
+    counters.paths += 1;
+    let (sampler, context) = begin(frame, pass, (x, y), response, media);
+    let wavelengths = context.wavelengths;
+    let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.stream(Stream::Base).next4();
+    let max_depth = frame.max_depth();
 
     let offset = sensor.filter.sample(DVec2::new(u_film_x, u_film_y));
     let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) + offset;
@@ -175,6 +286,7 @@ pub fn sample_pixel(
                 infinite: false,
                 generate: Side::Light,
                 max_vertices: max_depth + 1,
+                specular_only: settings.integrator == IntegratorKind::Ppm,
             },
             &mut sampler.stream(Stream::Camera),
             counters,
@@ -187,9 +299,10 @@ pub fn sample_pixel(
             },
         );
     }
-    if settings.integrator == IntegratorKind::Path
-        || !start_light(&context, light, max_depth, &sampler, counters)
-    {
+    // without connections only light sub-paths that hit the sensor are of use
+    let no_light = settings.integrator == IntegratorKind::Path
+        || settings.integrator.only_merges() && !frame.techniques.hittable_sensor;
+    if no_light || !start_light(&context, light, max_depth, &sampler, counters) {
         light.restart(
             EndPoint {
                 p: DVec3::ZERO,
@@ -204,16 +317,14 @@ pub fn sample_pixel(
     }
 
     let margin = sensor.filter.margin();
-    let techniques = Techniques {
-        cone: pass.cone,
-        ..frame.techniques
-    };
+    let techniques = frame.techniques_of(pass, (x, y));
     let mut joiner = Joiner {
         context: &context,
         techniques: &techniques,
         max_depth,
         hide_points: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: frame.with_raw,
+        detailed: frame.detailed,
         numbers: sampler.stream(Stream::Connect),
         counters,
         out: contributions,
@@ -232,14 +343,31 @@ pub fn sample_pixel(
     for hit in &light.sensor_hits {
         joiner.hit_sensor(light, hit);
     }
-    if settings.integrator == IntegratorKind::Bdpt {
+    if settings.integrator.connects_pairs() {
         joiner.pairs(light, camera);
+    }
+    if let (Some(map), Some(shared)) = (photons, &pass.shared) {
+        let width = sensor.camera.resolution().width;
+        let pixel_of = |path: u32| (path % width, path / width);
+        let hero = shared.hero((x, y));
+        let mut photons = Photons {
+            map,
+            accepts: &|path| shared.hero(pixel_of(path)) == hero,
+            retrace: &|path, subpath, counters| {
+                let sampler = frame.sampler(pass, pixel_of(path));
+                start_light(&context, subpath, max_depth, &sampler, counters);
+            },
+            retraced,
+        };
+        for j in 0..camera.vertices.len() {
+            joiner.gather(&mut photons, camera, j);
+        }
     }
     wavelengths
 }
 
 /// Traces a light sub-path. `false` where no light was started.
-fn start_light(
+pub(super) fn start_light(
     context: &PathContext,
     path: &mut Subpath,
     max_depth: usize,
@@ -288,6 +416,7 @@ fn start_light(
             infinite: x0.infinite,
             generate: Side::Camera,
             max_vertices: max_depth,
+            specular_only: false,
         },
         &mut numbers,
         counters,

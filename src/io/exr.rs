@@ -87,6 +87,14 @@ pub enum ExrError {
         /// What the decoder says.
         message: String,
     },
+    /// An image that cannot be encoded.
+    #[error("{}: cannot be encoded as OpenEXR ({message})", path.display())]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// What the encoder says.
+        message: String,
+    },
     /// More than is read.
     #[error("{}: {what} is {size} (allowed: at most {limit})", path.display())]
     TooLarge {
@@ -207,7 +215,10 @@ pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     let mut bytes = Cursor::new(Vec::new());
     file.write()
         .to_buffered(&mut bytes)
-        .map_err(|e| format_error(path, &e))?;
+        .map_err(|e| ExrError::Encode {
+            path: path.to_owned(),
+            message: e.to_string(),
+        })?;
     sort_attributes(bytes.get_mut());
     write_atomic(path, |w| std::io::Write::write_all(w, bytes.get_ref()))?;
     Ok(())
@@ -260,7 +271,8 @@ pub fn read_xyz(path: &Path) -> Result<(ExrImage, Vec<f64>), ExrError> {
     Ok((image, xyz))
 }
 
-fn decode(path: &Path, bytes: &[u8], max_samples: u64) -> Result<ExrImage, ExrError> {
+/// Decodes a file of at most `max_samples` samples; `path` is for messages.
+pub(super) fn decode(path: &Path, bytes: &[u8], max_samples: u64) -> Result<ExrImage, ExrError> {
     // sizes first: the decoder allocates what the header promises
     let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), true)
         .map_err(|e| format_error(path, &e))?;

@@ -2,9 +2,15 @@
 //! writer replaces a file at once or not at all. The only floor that names file formats.
 
 pub mod atomic;
+pub mod convert;
 pub mod exr;
 mod exr_header;
+pub mod gltf;
+pub mod image_file;
+pub mod model;
+pub mod mtl;
 pub mod obj;
 pub mod part;
+pub mod ply;
 pub mod png;
 pub mod scene_file;

@@ -159,7 +159,7 @@ pub fn deforming(mut frames: Vec<(f64, Arrays)>, shutter: Shutter) -> Result<Sha
         frames[0].1.uvs.take(),
         std::mem::take(&mut frames[0].1.triangles),
     );
-    let frames = frames
+    let frames: Vec<_> = frames
         .into_iter()
         .map(|(time_s, arrays)| Frame {
             time_s,
@@ -167,7 +167,7 @@ pub fn deforming(mut frames: Vec<(f64, Arrays)>, shutter: Shutter) -> Result<Sha
             normals: arrays.normals,
         })
         .collect();
-    deforming::shape(frames, uvs, triangles, shutter).map_err(FramesError::Mesh)
+    deforming::shape(&frames, uvs, triangles, shutter).map_err(FramesError::Mesh)
 }
 
 /// Why files are not the frames of one mesh.
@@ -398,5 +398,36 @@ mod tests {
                 fuzz_obj(&bytes);
             }
         }
+    }
+
+    fn arrays(text: &str) -> Arrays {
+        let path = Path::new("some.obj");
+        parse(&mut text.as_bytes(), path).expect("valid")
+    }
+
+    #[test]
+    fn frames_may_share_normals_in_different_ways_but_not_have_other_faces() {
+        let shutter = Shutter {
+            open_s: 0.0,
+            close_s: 1.0,
+        };
+        let shared =
+            "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\nf 1//1 3//1 4//1\n";
+        let split = "v 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 0\nvn 0 0 1\nvn 0 1 1\nf 1//1 2//1 3//1\nf 1//2 3//2 4//2\n";
+        let frames = vec![(0.0, arrays(shared)), (1.0, arrays(split))];
+        match deforming(frames, shutter).expect("same faces") {
+            Shape::Deforming(mesh) => {
+                assert_eq!(mesh.triangle_count(), 2);
+                // the mesh orders its triangles anew
+                let moved = glam::dvec3(1.0, 1.0, 0.5);
+                assert!((0..2).all(|i| mesh.corners(i, 0.5).contains(&moved)));
+            }
+            other => panic!("{other:?}"),
+        }
+        let fewer = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n";
+        let frames = vec![(0.0, arrays(shared)), (1.0, arrays(fewer))];
+        let error = deforming(frames, shutter).expect_err("one face is missing");
+        assert_eq!(error.frame(), 1);
+        assert_eq!(error.to_string(), "1 triangles where the first frame has 2");
     }
 }

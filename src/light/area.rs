@@ -1,22 +1,25 @@
 //! Lambertian emission from the surface of an instance.
 //!
-//! Radiance is the same over the whole surface and in every direction of an emitting side. Points are drawn by world
+//! Radiance is the same in every direction of an emitting side, and over the whole surface but for a pattern. Points are drawn by world
 //! area (a mesh is one light with one area table), directions by the cosine.
 
 use super::{DirectSample, EmissionSample, LightContext, factor, unit_from_to};
 use crate::geometry::{DirectionalDensity, EndPoint, Instance, InstanceId, SurfacePoint};
 use crate::math::{frame::Frame, sampling};
 use crate::spectrum::Emission;
+use crate::texture::SpectrumTexture;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
 /// An emitting instance.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct AreaLight {
     /// The surface that emits.
     pub instance: InstanceId,
     /// Radiance, W/(m² sr nm) and W/(m² sr) per line.
     pub radiance: Emission,
+    /// Factor on the radiance over the surface; `None`: 1.
+    pub pattern: Option<SpectrumTexture>,
     /// Whether the back emits as well as the side of the geometric normal.
     pub two_sided: bool,
 }
@@ -32,7 +35,8 @@ impl AreaLight {
 
     /// Flux per unit radiance.
     pub(super) fn flux_factor(&self, context: &LightContext) -> f64 {
-        PI * self.geometry(context).area(context.time) * self.sides()
+        let mean = self.pattern.as_ref().map_or(1.0, SpectrumTexture::mean);
+        PI * self.geometry(context).area(context.time) * self.sides() * mean
     }
 
     /// Cosine towards `direction` (away from the light) where that side emits, else 0.

@@ -1,25 +1,53 @@
-//! The same radiance from every direction.
+//! Light from every direction: the same radiance everywhere, or that of an image.
 //!
-//! x₀ is a direction, measured in solid angle in every strategy. Emission draws the direction evenly, then a point of
-//! the disc of the bounding sphere's radius, outside the scene and normal to it.
+//! x₀ is a direction, measured in solid angle in every strategy. Emission draws the direction (evenly, or by the image),
+//! then a point of the disc of the bounding sphere's radius, outside the scene and normal to it.
 
+use super::environment_image::EnvironmentImage;
 use super::{DirectSample, EmissionSample, LightContext, factor, far_disk_origin};
 use crate::geometry::{DirectionalDensity, EndPoint};
 use crate::math::sampling;
 use crate::spectrum::Emission;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
-/// A uniform environment.
-#[derive(Clone, Debug, PartialEq)]
+/// An environment.
+#[derive(Clone, Debug)]
 pub struct EnvironmentLight {
     /// Radiance, W/(m² sr nm) and W/(m² sr) per line.
     pub radiance: Emission,
+    /// Factor on the radiance by direction; `None`: 1.
+    pub image: Option<Arc<EnvironmentImage>>,
 }
 
 impl EnvironmentLight {
-    /// Density per solid angle of the direction, for emission and connection alike.
-    pub(super) const DIRECTION_PDF: f64 = sampling::UNIFORM_SPHERE_PDF;
+    /// The same radiance from everywhere.
+    #[must_use]
+    pub fn uniform(radiance: Emission) -> Self {
+        Self {
+            radiance,
+            image: None,
+        }
+    }
+
+    /// Density per solid angle of the direction in which the light travels, for emission and connection alike.
+    pub(super) fn direction_pdf(&self, direction: DVec3) -> f64 {
+        self.image
+            .as_ref()
+            .map_or(sampling::UNIFORM_SPHERE_PDF, |image| image.pdf(direction))
+    }
+
+    /// A direction in which light travels, and its density.
+    fn sample_direction(&self, u_texel: f64, u: DVec2) -> (DVec3, f64) {
+        match &self.image {
+            None => (
+                sampling::uniform_sphere(u.into()),
+                sampling::UNIFORM_SPHERE_PDF,
+            ),
+            Some(image) => image.sample(u_texel, u),
+        }
+    }
 
     /// Density per area normal to the direction.
     pub(super) fn disk_density(context: &LightContext) -> DirectionalDensity {
@@ -27,35 +55,47 @@ impl EnvironmentLight {
     }
 
     /// Flux into the scene's bounding sphere per unit radiance.
-    pub(super) fn flux_factor(context: &LightContext) -> f64 {
-        PI * context.radius * context.radius / Self::DIRECTION_PDF
+    pub(super) fn flux_factor(&self, context: &LightContext) -> f64 {
+        let mean = self.image.as_ref().map_or(1.0, |image| image.mean());
+        PI * context.radius * context.radius / sampling::UNIFORM_SPHERE_PDF * mean
     }
 
     pub(super) fn sample_emission(
+        &self,
         context: &LightContext,
+        u_texel: f64,
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        let direction = sampling::uniform_sphere(u_dir.into());
-        (context.radius > 0.0).then(|| EmissionSample {
+        let (direction, pdf) = self.sample_direction(u_texel, u_dir);
+        (context.radius > 0.0 && pdf > 0.0).then(|| EmissionSample {
             x0: end(direction),
             origin: far_disk_origin(context, direction, u_pos),
             direction,
-            pdf_x0: Self::DIRECTION_PDF,
+            pdf_x0: pdf,
             pdf_direction: Self::disk_density(context),
-            weight: factor(Self::flux_factor(context)),
+            weight: factor(PI * context.radius * context.radius / pdf),
         })
     }
 
-    pub(super) fn sample_direct(u: DVec2) -> DirectSample {
-        let toward = sampling::uniform_sphere(u.into());
-        DirectSample {
+    pub(super) fn sample_direct(&self, u_texel: f64, u: DVec2) -> Option<DirectSample> {
+        let (toward, pdf) = match &self.image {
+            None => (
+                sampling::uniform_sphere(u.into()),
+                sampling::UNIFORM_SPHERE_PDF,
+            ),
+            Some(image) => {
+                let (direction, pdf) = image.sample(u_texel, u);
+                (-direction, pdf)
+            }
+        };
+        (pdf > 0.0).then(|| DirectSample {
             x0: end(-toward),
             toward,
             distance: f64::INFINITY,
-            pdf: Self::DIRECTION_PDF,
-            value: factor(1.0 / Self::DIRECTION_PDF),
-        }
+            pdf,
+            value: factor(1.0 / pdf),
+        })
     }
 }
 

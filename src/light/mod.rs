@@ -11,6 +11,7 @@ pub mod area;
 pub mod beam;
 pub mod directional;
 pub mod environment;
+pub mod environment_image;
 pub mod point;
 pub mod selection;
 pub mod spot;
@@ -20,7 +21,9 @@ use crate::geometry::{
 };
 use crate::math::{frame::Frame, sampling};
 use crate::spectrum::{Emission, SampledSpectrum, SampledWavelengths};
+use crate::texture::Image;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
+use std::sync::Arc;
 
 /// Index of a light in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -98,7 +101,7 @@ pub enum Light {
     Directional(directional::DirectionalLight),
     /// Parallel light of finite aperture.
     Beam(beam::BeamLight),
-    /// The same radiance from everywhere.
+    /// From everywhere: the same radiance, or that of an image.
     Environment(environment::EnvironmentLight),
 }
 
@@ -178,7 +181,7 @@ impl Light {
             Self::Spot(light) => light.flux_factor(),
             Self::Directional(_) => directional::DirectionalLight::flux_factor(context),
             Self::Beam(light) => light.area(),
-            Self::Environment(_) => environment::EnvironmentLight::flux_factor(context),
+            Self::Environment(light) => light.flux_factor(context),
         }
     }
 
@@ -209,7 +212,49 @@ impl Light {
     ) -> Option<EmissionSample> {
         let mut sample = self.start(context, u_face, u_pos, u_dir)?;
         sample.weight *= self.emission().sample(wavelengths);
+        if let Some(pattern) = self.pattern_at(context, &sample.x0, wavelengths) {
+            sample.weight *= pattern;
+        }
         Some(sample)
+    }
+
+    /// The factor on the emission at x₀, where it varies over the light.
+    fn pattern_at(
+        &self,
+        context: &LightContext,
+        x0: &EndPoint,
+        wavelengths: &SampledWavelengths,
+    ) -> Option<SampledSpectrum> {
+        match self {
+            Self::Area(light) => {
+                let (pattern, face) = (light.pattern.as_ref()?, x0.surface?);
+                let uv = context.accel.texture_coordinates(face, x0.p, context.time);
+                Some(pattern.sample(uv, wavelengths))
+            }
+            Self::Environment(light) => Some(light.image.as_ref()?.factor(x0.n, wavelengths)),
+            _ => None,
+        }
+    }
+
+    /// Whether the radiance of an area light depends on the texture coordinates of the point.
+    #[must_use]
+    pub fn has_pattern(&self) -> bool {
+        matches!(self, Self::Area(light) if light.pattern.is_some())
+    }
+
+    /// Appends the images behind it.
+    pub fn append_images(&self, out: &mut Vec<Arc<Image>>) {
+        match self {
+            Self::Area(light) => {
+                if let Some(pattern) = &light.pattern {
+                    pattern.append_images(out);
+                }
+            }
+            Self::Environment(light) => {
+                out.extend(light.image.iter().map(|i| i.image().clone()));
+            }
+            _ => {}
+        }
     }
 
     /// `sample_emission` for unit emission.
@@ -226,9 +271,7 @@ impl Light {
             Self::Spot(light) => light.sample_emission(context.time, u_dir),
             Self::Directional(light) => light.sample_emission(context, u_pos),
             Self::Beam(light) => Some(light.sample_emission(context.time, u_pos)),
-            Self::Environment(_) => {
-                environment::EnvironmentLight::sample_emission(context, u_pos, u_dir)
-            }
+            Self::Environment(light) => light.sample_emission(context, u_face, u_pos, u_dir),
         }
     }
 
@@ -253,8 +296,8 @@ impl Light {
                 Perpendicular(1.0 / directional::DirectionalLight::flux_factor(context)),
             ),
             Self::Beam(light) => (1.0, light.density()),
-            Self::Environment(_) => (
-                environment::EnvironmentLight::DIRECTION_PDF,
+            Self::Environment(light) => (
+                light.direction_pdf(direction),
                 environment::EnvironmentLight::disk_density(context),
             ),
         }
@@ -272,6 +315,9 @@ impl Light {
     ) -> Option<DirectSample> {
         let mut sample = self.connect(context, x1, u_face, u)?;
         sample.value *= self.emission().sample(wavelengths);
+        if let Some(pattern) = self.pattern_at(context, &sample.x0, wavelengths) {
+            sample.value *= pattern;
+        }
         Some(sample)
     }
 
@@ -289,7 +335,7 @@ impl Light {
             Self::Spot(light) => light.sample_direct(context.time, x1),
             Self::Directional(light) => Some(light.sample_direct(context.time)),
             Self::Beam(light) => light.sample_direct(context.time, x1),
-            Self::Environment(_) => Some(environment::EnvironmentLight::sample_direct(u)),
+            Self::Environment(light) => light.sample_direct(u_face, u),
         }
     }
 
@@ -298,7 +344,7 @@ impl Light {
     pub fn direct_density(&self, context: &LightContext, x1: DVec3, x0: &EndPoint) -> f64 {
         match self {
             Self::Area(light) => light.direct_density(context, x1, x0),
-            Self::Environment(_) => environment::EnvironmentLight::DIRECTION_PDF,
+            Self::Environment(light) => light.direction_pdf(x0.n),
             // the end point is the only one there is
             _ => self
                 .connect(context, x1, 0.0, DVec2::ZERO)
@@ -328,7 +374,11 @@ impl Light {
     ) -> SampledSpectrum {
         match self {
             Self::Area(light) if light.emitting_cos(point.ng, direction) > 0.0 => {
-                light.radiance.sample(wavelengths)
+                let radiance = light.radiance.sample(wavelengths);
+                match &light.pattern {
+                    None => radiance,
+                    Some(pattern) => radiance * pattern.sample(point.uv, wavelengths),
+                }
             }
             _ => SampledSpectrum::ZERO,
         }
@@ -339,11 +389,17 @@ impl Light {
     #[must_use]
     pub fn escaped_radiance(
         &self,
-        _direction: DVec3,
+        direction: DVec3,
         wavelengths: &SampledWavelengths,
     ) -> SampledSpectrum {
         match self {
-            Self::Environment(light) => light.radiance.sample(wavelengths),
+            Self::Environment(light) => {
+                let radiance = light.radiance.sample(wavelengths);
+                match &light.image {
+                    None => radiance,
+                    Some(image) => radiance * image.factor(-direction, wavelengths),
+                }
+            }
             _ => SampledSpectrum::ZERO,
         }
     }

@@ -101,6 +101,7 @@ fn area(instance: u32, two_sided: bool) -> Light {
     Light::Area(area::AreaLight {
         instance: InstanceId(instance),
         radiance: unit_emission(),
+        pattern: None,
         two_sided,
     })
 }
@@ -125,9 +126,7 @@ fn lights() -> Vec<Light> {
             unit_emission(),
             0.05,
         )),
-        Light::Environment(environment::EnvironmentLight {
-            radiance: unit_emission(),
-        }),
+        Light::Environment(environment::EnvironmentLight::uniform(unit_emission())),
     ]
 }
 
@@ -311,9 +310,7 @@ fn far_lights_start_outside_and_cover_the_scene() {
 fn environment_irradiates_by_pi() {
     let accel = accel();
     let context = context(&accel);
-    let light = Light::Environment(environment::EnvironmentLight {
-        radiance: unit_emission(),
-    });
+    let light = Light::Environment(environment::EnvironmentLight::uniform(unit_emission()));
     let n = 20_000;
     let irradiance: f64 = points(n)
         .filter_map(|(u_face, u, _)| light.connect(&context, DVec3::ZERO, u_face, u))

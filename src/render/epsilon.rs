@@ -22,10 +22,12 @@ use rayon::prelude::*;
 const FALLBACK: f64 = 0.04;
 /// Blur of the first pass in pixels.
 const BLUR_PIXELS: f64 = 8.0;
-/// What the geometric prior is kept within, in radians.
-const RANGE: [f64; 2] = [1e-4, 0.1];
+/// What ε₁ is kept within, in radians. Above, the weights' own bias is a few percent.
+const RANGE: [f64; 2] = [1e-4, 0.08];
 /// How far the two renders may move it, as factors.
 const REFINEMENT: [f64; 2] = [0.5, 4.0];
+/// A squared bias of so many standard errors counts as found.
+const RESOLVED: f64 = 3.0;
 /// One pixel in 4 × 4 is sampled.
 const STRIDE: u32 = 4;
 /// Passes of each of the two renders.
@@ -209,21 +211,24 @@ impl Pilot<'_> {
         }
         let count = regions as f64;
         let scale = 4.0 / prior.powi(4);
-        // a bias the pilot cannot tell from noise is taken to be as large as that
-        let squared_bias = scale * (bias / count).max(noise.sqrt() / count);
         let variance = variance / count * prior * prior;
-        let best = (variance / (6.0 * squared_bias)).powf(1.0 / 6.0);
-        if !best.is_finite() || best == 0.0 {
+        if variance == 0.0 {
             return EpsilonChoice {
                 epsilon: prior,
                 reason: format!("{why}; nothing regularized in the pilot"),
             };
         }
         let [low, high] = REFINEMENT;
-        let epsilon = best.clamp(prior * low, (prior * high).min(std::f64::consts::FRAC_PI_4));
+        let most = (prior * high).min(RANGE[1]).max(prior);
+        let (best, found) = if bias > RESOLVED * noise.sqrt() {
+            let best = (variance / (6.0 * scale * bias / count)).powf(1.0 / 6.0);
+            (best, format!("bias against variance {best:.4}"))
+        } else {
+            (most, "its bias is lost in noise".to_owned())
+        };
         EpsilonChoice {
-            epsilon,
-            reason: format!("{why} gives {prior:.4}, bias against variance {best:.4}"),
+            epsilon: best.clamp(prior * low, most),
+            reason: format!("{why} gives {prior:.4}, {found}"),
         }
     }
 

@@ -38,13 +38,24 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
             let sensor = &scene.sensors[sensor];
             let time = sensor.shutter.at(0.5);
             let start = sensor.camera.sample_ray(raster, DVec2::splat(0.5), time);
-            let ray = Ray::leaving(start.xk.p, start.direction, time, start.xk.surface);
+            let mut ray = Ray::leaving(start.xk.p, start.direction, time, start.xk.surface);
             let visible =
                 |id: crate::geometry::InstanceId| scene.objects[id.0 as usize].sensor.is_none();
-            let Some(hit) = scene.accel.closest(&ray, visible) else {
-                return Guide::default();
+            let mut passed = 0.0;
+            let (hit, point) = loop {
+                let Some(hit) = scene.accel.closest(&ray, visible) else {
+                    return Guide::default();
+                };
+                let point = scene.accel.surface(&ray, &hit);
+                // what is mostly open is looked through
+                if !scene.objects[hit.id.instance.0 as usize].covered
+                    || scene.coverage(&point) >= 0.5
+                {
+                    break (hit, scene.shading_point(point, time));
+                }
+                passed += hit.t;
+                ray = Ray::leaving(point.p, ray.d, time, Some(point.id));
             };
-            let point = scene.accel.surface(&ray, &hit);
             let material =
                 &scene.materials[scene.objects[hit.id.instance.0 as usize].material.0 as usize];
             let mut albedo = [0.0; 3];
@@ -66,7 +77,7 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                 }
             }
             Guide {
-                depth: hit.t,
+                depth: passed + hit.t,
                 normal: point.ns,
                 albedo,
             }

@@ -4,21 +4,23 @@ pub mod bias;
 pub mod epsilon;
 pub mod forecast;
 pub mod guides;
+pub mod merging;
 pub mod outputs;
 pub mod pilot;
 pub mod stop;
 pub mod table;
 
 pub use epsilon::EpsilonChoice;
+pub use merging::{PhotonMemory, RadiusChoice, SharedWavelengths};
 pub use outputs::{OutputRequest, Outputs};
 pub use table::ClassTable;
 
 use crate::film::{AddSumsError, Crop};
-use crate::integrator::{Frame, Workspace, sample_pixel};
+use crate::integrator::{Frame, Workspace, sample_and_merge};
 use crate::scene::regularization::Decision;
 use crate::scene::{Scene, Settings};
 use crate::transport::regularize::scheduled_epsilon;
-use crate::transport::{Cone, Counters, PassSettings, Target};
+use crate::transport::{Cone, Counters, PassSettings, PhotonMap, Target};
 use rayon::prelude::*;
 
 /// Side of a tile in pixels.
@@ -32,6 +34,10 @@ pub struct Render<'a> {
     outputs: Outputs,
     /// ε₁ of regularized renders.
     epsilon: Option<EpsilonChoice>,
+    /// r₁ of renders with merging.
+    radius: Option<RadiusChoice>,
+    /// Bytes of the largest photon map so far.
+    photon_bytes: u64,
     /// Roulette threshold of this seed and scene, from the pilot.
     roulette_threshold: f64,
     /// Global indices of the passes done.
@@ -58,19 +64,24 @@ impl<'a> Render<'a> {
         crop: Crop,
         request: &OutputRequest,
     ) -> Self {
-        let frame = Frame::new(scene, sensor, settings, &crop, request.class_table);
+        let mut frame = Frame::new(scene, sensor, settings, &crop, request.class_table);
+        frame.detailed |= request.strategies || !request.classes.is_empty();
         let outputs = Outputs::new(request, crop, scene.sensors[sensor].filter);
         let epsilon = frame
             .regularization
             .mode
             .map(|_| epsilon::choose(&frame, &outputs.response));
         let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
+        let merges = settings.integrator.merges();
+        let radius = merges.then(|| merging::choose_radius(&frame, &outputs.response));
         let roulette_threshold = pilot::roulette_threshold(&frame, cone, &outputs.response);
         Self {
             frame,
             crop,
             outputs,
             epsilon,
+            radius,
+            photon_bytes: 0,
             roulette_threshold,
             passes: Vec::new(),
             counters: Counters::default(),
@@ -84,9 +95,56 @@ impl<'a> Render<'a> {
         PassSettings {
             index,
             cone: self.epsilon_of_pass(index).map(Cone::new),
+            merge_radius: self.radius_of_pass(index),
+            shared: self
+                .radius
+                .as_ref()
+                .map(|_| merging::shared_sample(&self.frame, index)),
             roulette_threshold: self.roulette_threshold,
-            ..PassSettings::default()
         }
+    }
+
+    /// Radius of merging in pass `index` in metres, `None` without merging.
+    #[must_use]
+    pub fn radius_of_pass(&self, index: u32) -> Option<f64> {
+        let first = self.radius.as_ref()?.radius;
+        Some(merging::scheduled_radius(&self.frame, first, index))
+    }
+
+    /// r₁ and its reason, where photons are merged.
+    #[must_use]
+    pub fn radius(&self) -> Option<&RadiusChoice> {
+        self.radius.as_ref()
+    }
+
+    /// What the photons of a pass will take, where they are merged: an estimate from a short run.
+    #[must_use]
+    pub fn photon_memory(&self) -> Option<PhotonMemory> {
+        self.radius
+            .is_some()
+            .then(|| merging::memory(&self.frame, &self.crop))
+    }
+
+    /// Bytes of the largest photon map so far; 0 without merging.
+    #[must_use]
+    pub fn photon_bytes(&self) -> u64 {
+        self.photon_bytes
+    }
+
+    /// The wavelengths that the passes done shared; `None` where each path has its own.
+    #[must_use]
+    pub fn shared_wavelengths(&self) -> Option<SharedWavelengths> {
+        self.radius.as_ref()?;
+        let distribution = &self.frame.scene.wavelengths;
+        let heroes = self.passes.iter().flat_map(|&index| {
+            let shared = merging::shared_sample(&self.frame, index);
+            let set = distribution.sample(shared.u_wavelength, self.frame.lanes());
+            (0..shared.heroes as usize).map(move |j| set.lambda_nm(j))
+        });
+        Some(SharedWavelengths::new(
+            heroes.collect(),
+            distribution.range_nm(),
+        ))
     }
 
     /// Half-aperture of pass `index` in radians, `None` without regularization. The schedule is a function of the global index; to
@@ -129,15 +187,34 @@ impl<'a> Render<'a> {
 
     /// Adds pass `index`: one sample per pixel.
     pub fn add_pass(&mut self, index: u32) {
-        let pass = self.pass_settings(index);
+        let mut pass = self.pass_settings(index);
         let half = (index & 1) as usize;
+        let mut photons = None;
+        if self.radius.is_some() {
+            let (map, counters) = merging::trace_photons(&self.frame, &pass, &self.crop);
+            self.counters.add(&counters);
+            self.photon_bytes = self
+                .photon_bytes
+                .max(map.as_ref().map_or(0, PhotonMap::bytes));
+            if map.is_none() {
+                // too many for the index: weights must know that nothing is merged
+                pass.merge_radius = None;
+            }
+            photons = map;
+        }
         let (frame, outputs) = (&self.frame, &self.outputs);
         let local = tiles(&self.crop)
             .into_par_iter()
             .fold(Local::default, |mut local, tile| {
                 for y in tile.y0..tile.y1 {
                     for x in tile.x0..tile.x1 {
-                        render_pixel(frame, &pass, outputs, (x, y), half, &mut local);
+                        render_pixel(
+                            (frame, &pass, photons.as_ref()),
+                            outputs,
+                            (x, y),
+                            half,
+                            &mut local,
+                        );
                     }
                 }
                 local
@@ -239,8 +316,7 @@ fn tiles(crop: &Crop) -> Vec<Crop> {
 }
 
 fn render_pixel(
-    frame: &Frame,
-    pass: &PassSettings,
+    (frame, pass, photons): (&Frame, &PassSettings, Option<&PhotonMap>),
     outputs: &Outputs,
     (x, y): (u32, u32),
     half: usize,
@@ -251,7 +327,7 @@ fn render_pixel(
         values,
         table,
     } = local;
-    let wavelengths = sample_pixel(frame, pass, (x, y), &outputs.response, workspace);
+    let wavelengths = sample_and_merge(frame, pass, photons, (x, y), &outputs.response, workspace);
     // splats one by one, the pixel's own contributions as one sum
     let mut own = [0.0; 3];
     for contribution in &workspace.contributions {

@@ -37,6 +37,9 @@ impl Default for OutputRequest {
     }
 }
 
+/// Images by (s, t, whether it is a merge).
+pub type StrategyFilms = BTreeMap<(u32, u32, bool), Film>;
+
 /// The images a render keeps.
 #[derive(Debug)]
 pub struct Outputs {
@@ -46,8 +49,8 @@ pub struct Outputs {
     pub image: Film,
     /// Spectral bins and lines.
     pub spectral: Option<(SensorResponse, Film)>,
-    /// XYZ per strategy (s, t), as they are met.
-    pub strategies: Option<RwLock<BTreeMap<(u32, u32), Film>>>,
+    /// XYZ per strategy (s, t) and merge (whether it is one comes last), as they are met.
+    pub strategies: Option<RwLock<StrategyFilms>>,
     /// XYZ per class expression.
     pub classes: Vec<(Regex, Film)>,
     /// XYZ of strategies that join at no specular vertex, and of those that do.
@@ -135,7 +138,7 @@ impl Outputs {
         let Some(strategies) = &self.strategies else {
             return;
         };
-        let key = (contribution.s, contribution.t);
+        let key = (contribution.s, contribution.t, contribution.merged);
         {
             // a poisoned lock means another thread is already unwinding; the sums stay consistent
             let films = strategies.read().unwrap_or_else(PoisonError::into_inner);

@@ -104,15 +104,19 @@ impl Scene {
                 lights.push(Light::Area(AreaLight {
                     instance: id,
                     radiance: seen(emission.radiance),
+                    pattern: emission.pattern,
                     two_sided: emission.two_sided,
                 }));
                 light_names.push(object.name.clone());
                 light
             });
             instances.push(instance);
+            let material = &materials[object.material.0 as usize];
             objects.push(Object {
-                clear: materials[object.material.0 as usize].is_clear_interface()
-                    && light.is_none(),
+                clear: material.is_clear_interface() && light.is_none(),
+                covered: material.coverage.is_some()
+                    && light.is_none()
+                    && object.boundary == Boundary::None,
                 name: object.name,
                 material: object.material,
                 boundary: object.boundary,
@@ -141,6 +145,7 @@ impl Scene {
                     sensor: Some(index),
                     transparent_sensor: detector.transparent,
                     clear: false,
+                    covered: false,
                 });
             }
             placed.push(Sensor {
@@ -210,6 +215,7 @@ impl Scene {
             .map(|i| LightId(i as u32))
             .collect();
         let mut scene = Self {
+            has_coverage: objects.iter().any(|o| o.covered),
             selection: LightSelection::new(&powers),
             accel,
             objects,

@@ -7,6 +7,7 @@ use crate::light::Light;
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, Medium, MediumId};
 use crate::spectrum::Emission;
+use crate::texture::SpectrumTexture;
 
 /// A placed surface.
 #[derive(Clone, Debug)]
@@ -30,6 +31,8 @@ pub struct ObjectDescription {
 pub struct AreaEmission {
     /// Radiance, W/(m² sr nm) and W/(m² sr) per line, in the scene's radiometric scale.
     pub radiance: Emission,
+    /// Factor on the radiance over the surface.
+    pub pattern: Option<SpectrumTexture>,
     /// Emits from the back of the surface too.
     pub two_sided: bool,
 }

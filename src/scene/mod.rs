@@ -15,14 +15,16 @@ pub use settings::Settings;
 
 use crate::camera::Camera;
 use crate::film::Filter;
-use crate::geometry::{Accel, Shutter};
+use crate::geometry::{Accel, InstanceId, Ray, Shutter, SurfacePoint};
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightContext, LightId};
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, Medium, MediumStack};
 use crate::spectrum::WavelengthDistribution;
+use crate::texture::Image;
 use effects::Effect;
 use glam::DVec3;
+use std::sync::Arc;
 
 /// What a surface is, besides its geometry. Index = instance id.
 #[derive(Clone, Debug)]
@@ -41,6 +43,8 @@ pub struct Object {
     pub transparent_sensor: bool,
     /// Crossing it without a change of medium is no vertex.
     pub clear: bool,
+    /// It is there only in part: its material has a coverage.
+    pub covered: bool,
 }
 
 /// A sensor in the scene.
@@ -91,6 +95,8 @@ pub struct Scene {
     pub is_moving: bool,
     /// What the scene calls for.
     pub effects: Vec<Effect>,
+    /// Whether any object is there only in part.
+    pub has_coverage: bool,
     /// Hash of the scene file and the files it refers to.
     pub hash: u64,
 }
@@ -105,6 +111,61 @@ impl Scene {
             radius: self.radius,
             time,
         }
+    }
+
+    /// What an object is made of.
+    fn material_of(&self, id: InstanceId) -> &Material {
+        &self.materials[self.objects[id.0 as usize].material.0 as usize]
+    }
+
+    /// The share of the surface that is there at a point, in [0, 1].
+    #[must_use]
+    pub fn coverage(&self, point: &SurfacePoint) -> f64 {
+        let material = self.material_of(point.id.instance);
+        material.coverage.as_ref().map_or(1.0, |c| c.at(point.uv))
+    }
+
+    /// The product of what the objects with a coverage leave open along a segment.
+    #[must_use]
+    pub fn uncovered(&self, ray: &Ray) -> f64 {
+        let (mut ray, mut open) = (*ray, 1.0);
+        while open > 0.0
+            && let Some(hit) = self
+                .accel
+                .closest(&ray, |id| self.objects[id.0 as usize].covered)
+        {
+            let point = self.accel.surface(&ray, &hit);
+            open *= 1.0 - self.coverage(&point);
+            ray = Ray {
+                o: point.p,
+                t_max: ray.t_max - hit.t,
+                start: Some(point.id),
+                ..ray
+            };
+        }
+        open
+    }
+
+    /// The point with the shading normal of its material: the one place where normals are bent, for all strategies.
+    #[must_use]
+    pub fn shading_point(&self, mut point: SurfacePoint, time: f64) -> SurfacePoint {
+        if let Some(map) = &self.material_of(point.id.instance).normal {
+            point.ns = map.normal(&point, self.accel.tangents(&point, time));
+        }
+        point
+    }
+
+    /// The images of all materials and lights, each once.
+    #[must_use]
+    pub fn images(&self) -> Vec<Arc<Image>> {
+        let mut all = Vec::new();
+        self.materials
+            .iter()
+            .for_each(|m| m.append_images(&mut all));
+        self.lights.iter().for_each(|l| l.append_images(&mut all));
+        all.sort_by_key(Arc::as_ptr);
+        all.dedup_by_key(|image| Arc::as_ptr(image));
+        all
     }
 
     /// Index of the sensor called `name`.

@@ -42,6 +42,9 @@ pub fn decide(scene: &Scene, sensor: usize, settings: &Settings) -> Decision {
         reason: reason.to_owned(),
     };
     let regularization = &settings.regularization;
+    if settings.integrator.only_merges() {
+        return off("the integrator makes no connections");
+    }
     if regularization.mode == Regularize::Off {
         return off("switched off");
     }
@@ -66,6 +69,8 @@ pub fn decide(scene: &Scene, sensor: usize, settings: &Settings) -> Decision {
                     "detector \"{}\" can be hit by every class of light paths, without bias",
                     sensor.name
                 ))
+            } else if settings.integrator.merges() {
+                off("photon merging makes these paths, too; ask for mis to have both")
             } else if matches!(
                 settings.integrator,
                 IntegratorKind::Path | IntegratorKind::Light

@@ -11,6 +11,64 @@ pub enum IntegratorKind {
     Light,
     /// Both, with every connection, weighted together.
     Bdpt,
+    /// Both, with every connection and photon merging at every non-specular vertex (Georgiev et al. 2012).
+    Vcm,
+    /// Photon merging alone, at every non-specular vertex; paths without one as they are hit.
+    Bpm,
+    /// Photon merging at the first non-specular vertex from the camera (Hachisuka et al. 2008); paths without one as they are hit.
+    Ppm,
+}
+
+impl IntegratorKind {
+    /// Whether camera sub-paths gather the photons of their pass.
+    #[must_use]
+    pub fn merges(self) -> bool {
+        matches!(self, Self::Vcm | Self::Bpm | Self::Ppm)
+    }
+
+    /// Whether inner vertices of two sub-paths are connected.
+    #[must_use]
+    pub fn connects_pairs(self) -> bool {
+        matches!(self, Self::Bdpt | Self::Vcm)
+    }
+
+    /// Whether paths with a non-specular vertex are made by merging alone.
+    #[must_use]
+    pub fn only_merges(self) -> bool {
+        matches!(self, Self::Bpm | Self::Ppm)
+    }
+}
+
+/// What the paths of a pass share where they are merged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sharing {
+    /// One set of wavelengths and one time, drawn anew for each pass; one of the set is everybody's hero.
+    Hero,
+    /// One set and one time, but its wavelengths take turns as heroes over the pixels. Only paths of one hero are merged.
+    Set,
+    /// As [`Sharing::Hero`], but sets and times of successive passes keep apart (golden-ratio sequence).
+    Stratified,
+}
+
+/// Photon merging.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Merging {
+    /// Radius of the first pass in metres; `None`: found from the scene.
+    pub radius: Option<f64>,
+    /// α in (0, 1]: the radius of pass i = 1, 2, ... is that of the first times i^(−(1−α)/2).
+    pub alpha: f64,
+    /// What the paths of a pass share.
+    pub sharing: Sharing,
+}
+
+impl Default for Merging {
+    fn default() -> Self {
+        Self {
+            radius: None,
+            alpha: 2.0 / 3.0,
+            sharing: Sharing::Hero,
+        }
+    }
 }
 
 /// How strategies are weighted.
@@ -22,10 +80,22 @@ pub enum Heuristic {
     Power2,
 }
 
+impl Heuristic {
+    /// What a density counts for.
+    #[must_use]
+    pub fn power(self, density: f64) -> f64 {
+        match self {
+            Self::Balance => density,
+            Self::Power2 => density * density,
+        }
+    }
+}
+
 /// Whether and how specular vertices are connectible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Regularize {
-    /// As [`Regularize::Mis`] for image cameras in scenes with specular surfaces, as [`Regularize::Off`] otherwise.
+    /// As [`Regularize::Mis`] for image cameras in scenes with specular surfaces, as [`Regularize::Off`] otherwise and where photons
+    /// are merged.
     Auto,
     /// Never: unbiased, and blind to paths that only connections at specular vertices make.
     Off,
@@ -97,6 +167,8 @@ pub struct Settings {
     pub pair_probability: f64,
     /// Connections at specular vertices.
     pub regularization: Regularization,
+    /// Photon merging, where the algorithm does it.
+    pub merging: Merging,
     /// Also shows paths from a light without extent to a pinhole over specular vertices alone: points of finite flux, which become
     /// discs of radius ε.
     pub show_point_lights: bool,
@@ -115,6 +187,7 @@ impl Default for Settings {
             heuristic: Heuristic::Balance,
             pair_probability: 0.25,
             regularization: Regularization::default(),
+            merging: Merging::default(),
             show_point_lights: false,
             disabled: BTreeSet::new(),
         }

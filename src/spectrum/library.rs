@@ -22,7 +22,7 @@ macro_rules! embedded {
 }
 
 /// The files built in, by their path in `spectra/`.
-const FILES: [(&str, &str); 17] = embedded![
+const FILES: [(&str, &str); 18] = embedded![
     "cie/A.csv",
     "cie/D50.csv",
     "cie/D65.csv",
@@ -40,6 +40,7 @@ const FILES: [(&str, &str); 17] = embedded![
     "glass/schott.toml",
     "metal/metal.toml",
     "reflectance/colorchecker.csv",
+    "reflectance/srgb.csv",
 ];
 
 /// Folders a library is read from.

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use glam::{DMat3, DVec3};
 
-use super::{Curve, cie, library, xyz};
+use super::{Curve, SampledSpectrum, SampledWavelengths, cie, library, xyz};
 
 /// Weight of every nanometer from 360 to 830 in linear sRGB under D65; each channel sums to 1.
 static WEIGHTS: LazyLock<Vec<DVec3>> = LazyLock::new(|| {
@@ -22,6 +22,33 @@ static WEIGHTS: LazyLock<Vec<DVec3>> = LazyLock::new(|| {
     let sum: DVec3 = weights.iter().sum();
     weights.into_iter().map(|w| w / sum).collect()
 });
+
+/// Smooth reflectances with the linear sRGB `[1, 0, 0]`, `[0, 1, 0]`, `[0, 0, 1]` under D65, which add up to 1
+/// (after Mallett and Yuksel, EGSR 2019).
+static PRIMARIES: LazyLock<[Curve; 3]> = LazyLock::new(|| {
+    let mut columns = library::embedded_columns("reflectance/srgb.csv").into_iter();
+    std::array::from_fn(|_| columns.next().map_or(Curve::Constant(0.0), |c| c.1))
+});
+
+/// A smooth spectrum of linear sRGB `rgb` (under D65, white at `[1, 1, 1]`) at the wavelengths of a path: within
+/// 0..1 for `rgb` within 0..1, and linear in `rgb`, so that filtering an image filters its spectra. Cheap enough for
+/// every texel looked up; [`reflectance`] is the smoother choice for a single color.
+#[must_use]
+pub fn rgb_lanes(rgb: [f32; 3], wavelengths: &SampledWavelengths) -> SampledSpectrum {
+    if rgb[0] == rgb[1] && rgb[1] == rgb[2] {
+        return SampledSpectrum::splat(rgb[0]);
+    }
+    let mut out = SampledSpectrum::ZERO;
+    for lane in 0..wavelengths.count() {
+        let nm = wavelengths.lambda_nm(lane);
+        out[lane] = rgb
+            .iter()
+            .zip(&*PRIMARIES)
+            .map(|(&v, primary)| v * primary.eval(nm) as f32)
+            .sum();
+    }
+    out
+}
 
 /// How near the color a step of the walk must come before the next.
 const CLOSE: f64 = 1e-9;
@@ -130,6 +157,20 @@ mod tests {
                     assert!(low >= 0.0 && high <= 1.0);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn primaries_add_up_to_one_and_have_their_colors() {
+        for (i, primary) in PRIMARIES.iter().enumerate() {
+            let error = (linear_srgb(primary) - DVec3::AXES[i]).abs().max_element();
+            assert!(error < 1e-5, "{i}: {error}");
+            let (low, high) = primary.bounds();
+            assert!(low >= 0.0 && high <= 1.0);
+        }
+        for l in 360..=830 {
+            let sum: f64 = PRIMARIES.iter().map(|p| p.eval(f64::from(l))).sum();
+            assert!((sum - 1.0).abs() < 1e-5, "{l}: {sum}");
         }
     }
 

@@ -5,13 +5,16 @@
 //! The order of work is from cheap to dear: kernels, weight, roulette on the weighted value, and only then the shadow ray.
 
 mod at_light;
+mod at_photon;
 mod at_sensor;
+
+pub use at_photon::Photons;
 
 use super::class::PathClass;
 use super::context::{Counters, PathContext};
 use super::contribution::{Contribution, Target};
 use super::density::{Edge, EdgeDensity, PathView, VertexDensity};
-use super::mis::{Multipliers, delivers_to_all, denominator};
+use super::mis::{Multipliers, Technique, delivers_to_all, denominator};
 use super::regularize::specular_kernel;
 use super::subpath::{Subpath, Vertex};
 use super::techniques::Techniques;
@@ -37,6 +40,8 @@ pub struct Joiner<'a> {
     pub hide_points: bool,
     /// Also compute the raw (unweighted) value of each contribution.
     pub with_raw: bool,
+    /// Each photon that is merged gives a contribution of its own; else one camera vertex gives one.
+    pub detailed: bool,
     /// Numbers for connections.
     pub numbers: StreamSampler,
     /// Counts.
@@ -80,6 +85,20 @@ pub fn light_end_factor(light: &Light, x0: &EndPoint, toward: DVec3, distance: f
         HitMeasure::Area => x0.cos(toward) / (distance * distance),
         HitMeasure::SolidAngle => 1.0,
         HitMeasure::Never => 0.0,
+    }
+}
+
+/// What turns a density of direction at vertex `i` of a sub-path into a density of the vertex before it; `at_end` says so of the end
+/// point.
+#[must_use]
+pub fn factor_before(path: &Subpath, i: usize, at_end: impl FnOnce() -> f64) -> f64 {
+    let vertex = &path.vertices[i];
+    match i.checked_sub(1) {
+        Some(previous) => {
+            let normal = path.vertices[previous].point.ng;
+            vertex.toward_previous.dot(normal).abs() / (vertex.distance * vertex.distance)
+        }
+        None => at_end(),
     }
 }
 
@@ -234,16 +253,18 @@ impl<'a> Joiner<'a> {
                     }
                 }
             }
-            if !self.context.is_visible(ray, region, self.counters) {
+            let visibility = self.context.visibility(ray, region, self.counters);
+            if visibility == 0.0 {
                 return;
             }
+            survival /= visibility;
         }
         self.counters.connections_made += 1;
         let s = view.s();
         let mut raw = [0.0; MAX_LANES];
         if self.with_raw {
             let alone = multipliers.plain(s);
-            let shared = delivers_to_all(view, view.dispersive_count(), s);
+            let shared = delivers_to_all(view, view.dispersive_count(), Technique::Join(s));
             for (j, value) in raw.iter_mut().enumerate().take(count) {
                 let techniques = if shared {
                     count
@@ -264,47 +285,37 @@ impl<'a> Joiner<'a> {
             s: s as u32,
             t: view.camera.len() as u32,
             regularized: multipliers.regularized(s) as u8,
+            merged: false,
             class: PathClass::of(view),
         });
     }
 
     /// Density `pf` of the vertex before camera vertex `j` (x_k for j = 0), from the density of direction at `j`.
     fn camera_before(&self, camera: &Subpath, j: usize, forward: &EdgeDensity) -> EdgeDensity {
+        forward.scaled(self.camera_before_factor(camera, j))
+    }
+
+    /// What turns a density of direction at camera vertex `j` into the density of the vertex before it.
+    #[must_use]
+    pub fn camera_before_factor(&self, camera: &Subpath, j: usize) -> f64 {
         let vertex = &camera.vertices[j];
-        let factor = match j.checked_sub(1) {
-            Some(previous) => {
-                vertex
-                    .toward_previous
-                    .dot(camera.vertices[previous].point.ng)
-                    .abs()
-                    / (vertex.distance * vertex.distance)
-            }
-            None => self.sensor_end_factor(&camera.origin, vertex.toward_previous, vertex.distance),
-        };
-        forward.scaled(factor)
+        factor_before(camera, j, || {
+            self.sensor_end_factor(&camera.origin, vertex.toward_previous, vertex.distance)
+        })
     }
 
     /// Density `pr` of the vertex before light vertex `i` (x₀ for i = 0), from the density of direction at `i`.
     fn light_before(&self, light: &Subpath, i: usize, reverse: &EdgeDensity) -> EdgeDensity {
         let vertex = &light.vertices[i];
-        let factor = match i.checked_sub(1) {
-            Some(previous) => {
-                vertex
-                    .toward_previous
-                    .dot(light.vertices[previous].point.ng)
-                    .abs()
-                    / (vertex.distance * vertex.distance)
-            }
-            None => match light.light {
-                Some(id) => light_end_factor(
-                    self.light(id),
-                    &light.origin,
-                    vertex.toward_previous,
-                    vertex.distance,
-                ),
-                None => 0.0,
-            },
-        };
+        let factor = factor_before(light, i, || match light.light {
+            Some(id) => light_end_factor(
+                self.light(id),
+                &light.origin,
+                vertex.toward_previous,
+                vertex.distance,
+            ),
+            None => 0.0,
+        });
         reverse.scaled(factor)
     }
 

@@ -8,12 +8,22 @@ use crate::scene::Scene;
 use crate::spectrum::{MAX_LANES, SampledSpectrum, SampledWavelengths};
 
 /// Wavelength and time that all paths of a pass share (merging needs both sub-paths to agree).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SharedSample {
     /// Primary wavelength number in [0, 1).
     pub u_wavelength: f64,
+    /// The first so many wavelengths of the set take turns as heroes over the pixels; only paths of one hero are merged.
+    pub heroes: u32,
     /// Fraction of the shutter.
     pub time: f64,
+}
+
+impl SharedSample {
+    /// Which wavelength of the set is the hero of a pixel's paths: neighbors differ.
+    #[must_use]
+    pub fn hero(&self, (x, y): (u32, u32)) -> u32 {
+        x.wrapping_add(y.wrapping_mul(3)) % self.heroes
+    }
 }
 
 /// What all paths of a pass share.
@@ -44,6 +54,10 @@ pub struct Counters {
     pub connections_tried: u64,
     /// Connections that contributed.
     pub connections_made: u64,
+    /// Photons stored.
+    pub photons: u64,
+    /// Photons found near camera vertices.
+    pub photons_found: u64,
     /// Contributions dropped because they were not finite.
     pub non_finite: u64,
     /// Surfaces met from a side on which the walk was not: a solid left that was never entered, an interface whose named medium is
@@ -61,6 +75,8 @@ impl Counters {
         self.paths += other.paths;
         self.connections_tried += other.connections_tried;
         self.connections_made += other.connections_made;
+        self.photons += other.photons;
+        self.photons_found += other.photons_found;
         self.non_finite += other.non_finite;
         self.medium_mismatches += other.medium_mismatches;
         self.nesting_overflows += other.nesting_overflows;
@@ -122,15 +138,25 @@ impl PathContext<'_> {
         SampledSpectrum::from_fn(|j| (eta[j] * eta[j]) as f32)
     }
 
-    /// Whether nothing stands in the way of a segment that lies in `region`.
+    /// What is left of a segment that lies in `region`: 0 where something stands in the way, 1 where nothing does, and in
+    /// between where surfaces cover it in part.
     #[must_use]
-    pub fn is_visible(&self, ray: &Ray, region: &Region, counters: &mut Counters) -> bool {
+    pub fn visibility(&self, ray: &Ray, region: &Region, counters: &mut Counters) -> f64 {
         counters.shadow_rays += 1;
         let objects = &self.scene.objects;
-        !self.scene.accel.occluded(ray, |id: InstanceId| {
+        let occluded = self.scene.accel.occluded(ray, |id: InstanceId| {
             let object = &objects[id.0 as usize];
-            !(object.transparent_sensor || object.clear && region.passes(object.boundary, id))
-        })
+            !(object.transparent_sensor
+                || object.covered
+                || object.clear && region.passes(object.boundary, id))
+        });
+        if occluded {
+            0.0
+        } else if self.scene.has_coverage {
+            self.scene.uncovered(ray)
+        } else {
+            1.0
+        }
     }
 
     /// The lanes that stay alive when the hero's direction was taken through a dispersive interface: those of exactly its

@@ -28,6 +28,8 @@ pub struct Contribution {
     pub t: u32,
     /// Specular vertices at which the strategy joined: 0, 1 or 2.
     pub regularized: u8,
+    /// Made by photon merging: one vertex counts for both sides, s + t is one more than the vertices of the path.
+    pub merged: bool,
     /// What happened at each vertex.
     pub class: PathClass,
 }

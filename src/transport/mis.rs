@@ -4,13 +4,16 @@
 //! `m(s') = n_{s'} · A^{N_r(s')} · c(s') · [executed]`, N_r the number of specular vertices at the joint: the ratios are walked outward from the joined edge, dividing only by densities
 //! of vertices that were really generated, so nothing is ever divided by zero and 1/A is never formed.
 //!
+//! Photon merging at a non-specular x_i adds the term `ρ_i pf_i π r² N_L c`: x_i is generated from both sides (Georgiev et al.,
+//! "Light Transport Simulation with Vertex Connection and Merging", 2012, eq. 10).
+//!
 //! The lane multiplicity c(s') counts the wavelengths that could have made the path's lane as their hero: all of them where no
 //! dispersive vertex is scattered at, only those of exactly the same wavelength elsewhere. It splits the sum in two:
 //! `D_j = shared + own_j`.
 
 use super::density::PathView;
 use super::techniques::Techniques;
-use crate::scene::settings::{Heuristic, SingleRule};
+use crate::scene::settings::{Heuristic, IntegratorKind, SingleRule};
 use crate::spectrum::{MAX_LANES, SampledWavelengths};
 
 /// The denominators `D_j` of all lanes.
@@ -37,11 +40,22 @@ impl Denominator {
     }
 }
 
+/// How a path is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Technique {
+    /// x₀ ... x_{s−1} from the light, the others from the sensor.
+    Join(usize),
+    /// x_i from both sides.
+    Merge(usize),
+}
+
 /// Which of a path's strategies may make it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Admitted {
     /// All that are executed.
     All,
+    /// None: it is made by merging.
+    None,
     /// Those that join at no specular vertex.
     Unbiased,
     /// One.
@@ -71,16 +85,20 @@ impl<'a> Multipliers<'a> {
             has_specular: path.has_specular(),
             beta: 1.0,
         };
+        if techniques.kind.only_merges() && out.is_mergeable() {
+            out.admitted = Admitted::None;
+            return out;
+        }
         if techniques.cone.is_none() || !out.has_specular {
             return out;
         }
         if let Some(rule) = techniques.single {
-            out.admitted = if out.has_unbiased() {
+            out.admitted = if out.has_other() {
                 Admitted::Unbiased
             } else {
                 out.single(rule).map_or(Admitted::All, Admitted::Only)
             };
-        } else if techniques.bias_weight < 1.0 && out.has_unbiased() {
+        } else if techniques.bias_weight < 1.0 && out.has_other() {
             out.beta = techniques.bias_weight;
         }
         out
@@ -99,14 +117,20 @@ impl<'a> Multipliers<'a> {
     #[must_use]
     pub fn plain(&self, s: usize) -> f64 {
         let n = self.path.len();
-        let regularized = self.regularized(s);
-        let samples = self.techniques.samples(s, n - s, regularized > 0);
-        match (regularized, self.techniques.cone) {
-            (0, _) => samples,
-            (_, None) => 0.0,
-            (1, Some(cone)) => samples * cone.area,
-            (_, Some(cone)) => samples * cone.area * cone.area,
-        }
+        plain_multiplier(self.techniques, s, n - s, self.regularized(s))
+    }
+
+    /// π r² N_L if merging at x_i is done, else 0.
+    #[must_use]
+    pub fn merging(&self, i: usize) -> f64 {
+        let end = self.path.len() - 1;
+        let merges = self.techniques.merging > 0.0
+            && (1..end).contains(&i)
+            && !self.path.is_specular(i)
+            // at the first non-specular vertex from the sensor
+            && (self.techniques.kind != IntegratorKind::Ppm
+                || (i + 1..end).all(|j| self.path.is_specular(j)));
+        if merges { self.techniques.merging } else { 0.0 }
     }
 
     /// What strategy `s` is weighted with besides its density and A: `β^{N_r(s)} · [admitted]`.
@@ -115,6 +139,7 @@ impl<'a> Multipliers<'a> {
         match self.admitted {
             Admitted::All if self.beta == 1.0 => 1.0,
             Admitted::All => self.beta.powi(self.regularized(s)),
+            Admitted::None => 0.0,
             Admitted::Unbiased => f64::from(u8::from(self.regularized(s) == 0)),
             Admitted::Only(one) => f64::from(u8::from(s == one)),
         }
@@ -131,9 +156,15 @@ impl<'a> Multipliers<'a> {
         (s > 0 || self.path.hittable_light) && self.plain(s) > 0.0
     }
 
-    /// Whether a strategy without regularized vertices makes the path: a function of its class alone.
-    fn has_unbiased(&self) -> bool {
-        (0..=self.path.len()).any(|s| self.regularized(s) == 0 && self.is_possible(s))
+    /// Whether any scattering vertex is non-specular.
+    fn is_mergeable(&self) -> bool {
+        (1..self.path.len() - 1).any(|i| !self.path.is_specular(i))
+    }
+
+    /// Whether a strategy without regularized vertices makes the path, or merging: a function of its class alone.
+    fn has_other(&self) -> bool {
+        self.techniques.merging > 0.0 && self.is_mergeable()
+            || (0..=self.path.len()).any(|s| self.regularized(s) == 0 && self.is_possible(s))
     }
 
     /// The strategy that makes the path alone, of those with the fewest regularized vertices.
@@ -154,13 +185,28 @@ impl<'a> Multipliers<'a> {
     }
 }
 
-/// Calls `term(s', ρ_{s'} m₁(s'))` for every strategy of the path, in no particular order; the executed one has ρ = 1.
-pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(usize, f64)) {
+/// `n_s · A^{N_r} · [executed]` of strategy (s, t), which joins at N_r = `regularized` specular vertices.
+#[must_use]
+pub fn plain_multiplier(techniques: &Techniques, s: usize, t: usize, regularized: i32) -> f64 {
+    let samples = techniques.samples(s, t, regularized > 0);
+    match (regularized, techniques.cone) {
+        (0, _) => samples,
+        (_, None) => 0.0,
+        (1, Some(cone)) => samples * cone.area,
+        (_, Some(cone)) => samples * cone.area * cone.area,
+    }
+}
+
+/// Calls `term(technique, ρ m₁)` for every technique that could make the path, in no particular order; the executed strategy has
+/// ρ = 1.
+pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, f64)) {
+    use Technique::{Join, Merge};
     let path = multipliers.path;
     let n = path.len();
     let s = path.s();
+    let merging = multipliers.techniques.merging > 0.0;
     let m = |i: usize| multipliers.of(i);
-    term(s, m(s));
+    term(Join(s), m(s));
 
     // Direct sampling of x₀ (s' = 1) has a density of its own, which enters where s' = 1 is an end of the walk.
     let pf0 = if s == 1 { path.pf(0) } else { 0.0 };
@@ -175,16 +221,19 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(usize, f64)
             };
             if s >= 2 {
                 // ρ_1 was reached with plain pf_0; strategy 1 would have drawn x₀ directly
-                term(1, rho * path.direct / generated * m(1));
+                term(Join(1), rho * path.direct / generated * m(1));
             }
-            term(0, rho * path.pr(0) / generated * m(0));
+            term(Join(0), rho * path.pr(0) / generated * m(0));
         } else {
             rho *= path.pr(i) / path.pf(i);
             if rho == 0.0 {
                 break;
             }
+            if merging {
+                term(Merge(i), rho * path.pf(i) * multipliers.merging(i));
+            }
             if i >= 2 {
-                term(i, rho * m(i));
+                term(Join(i), rho * m(i));
             }
         }
     }
@@ -197,11 +246,14 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(usize, f64)
     for i in s..n {
         if i == 0 {
             let pr0 = path.pr(0);
-            term(1, path.direct / pr0 * m(1));
+            term(Join(1), path.direct / pr0 * m(1));
             rho *= path.pf(0) / pr0;
         } else {
+            if merging {
+                term(Merge(i), rho * path.pf(i) * multipliers.merging(i));
+            }
             rho *= path.pf(i) / path.pr(i);
-            term(i + 1, rho * m(i + 1));
+            term(Join(i + 1), rho * m(i + 1));
         }
         if rho == 0.0 {
             break;
@@ -209,12 +261,16 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(usize, f64)
     }
 }
 
-/// Whether every dispersive vertex of the path is an end point of strategy `s`, so that every lane can serve as its hero.
+/// Whether every dispersive vertex of the path is an end point of the technique, so that every lane can serve as its hero. Merging
+/// has no end points.
 #[must_use]
-pub fn delivers_to_all(path: &PathView, dispersive: usize, s: usize) -> bool {
+pub fn delivers_to_all(path: &PathView, dispersive: usize, technique: Technique) -> bool {
     if dispersive == 0 {
         return true;
     }
+    let Technique::Join(s) = technique else {
+        return false;
+    };
     let n = path.len();
     let at_ends = if s == 0 || s == n {
         0
@@ -227,36 +283,57 @@ pub fn delivers_to_all(path: &PathView, dispersive: usize, s: usize) -> bool {
 /// The denominators of all lanes for the executed strategy of the path.
 #[must_use]
 pub fn denominator(multipliers: &Multipliers, wavelengths: &SampledWavelengths) -> Denominator {
+    let s = multipliers.path.s();
+    let preference = multipliers.preference(s);
+    Denominator {
+        numerator: match multipliers.techniques.heuristic {
+            Heuristic::Balance => preference,
+            Heuristic::Power2 => preference * multipliers.of(s),
+        },
+        ..terms(multipliers, wavelengths)
+    }
+}
+
+/// The same for merging at x_{s−1}, which camera and light sub-path have both generated; the path is seen as by strategy s, at
+/// least 2.
+#[must_use]
+pub fn merge_denominator(
+    multipliers: &Multipliers,
+    wavelengths: &SampledWavelengths,
+) -> Denominator {
+    let merged = multipliers.path.s() - 1;
+    let from_sensor = multipliers.path.pr(merged);
+    let merging = multipliers.merging(merged);
+    Denominator {
+        numerator: match multipliers.techniques.heuristic {
+            _ if merging == 0.0 => 0.0,
+            Heuristic::Balance => from_sensor,
+            Heuristic::Power2 => from_sensor * from_sensor * merging,
+        },
+        ..terms(multipliers, wavelengths)
+    }
+}
+
+fn terms(multipliers: &Multipliers, wavelengths: &SampledWavelengths) -> Denominator {
     let path = multipliers.path;
     let heuristic = multipliers.techniques.heuristic;
-    let power = |v: f64| match heuristic {
-        Heuristic::Balance => v,
-        Heuristic::Power2 => v * v,
-    };
     let dispersive = if multipliers.has_specular {
         path.dispersive_count()
     } else {
         0
     };
-    let preference = multipliers.preference(path.s());
-    let mut out = Denominator {
-        numerator: match heuristic {
-            Heuristic::Balance => preference,
-            Heuristic::Power2 => preference * multipliers.of(path.s()),
-        },
-        ..Denominator::default()
-    };
+    let mut out = Denominator::default();
     let count = wavelengths.count();
     if path.has_columns() {
-        add_columns(multipliers, wavelengths, dispersive, power, &mut out);
+        add_columns(multipliers, wavelengths, dispersive, &mut out);
         return out;
     }
     let mut own = 0.0;
-    for_each_term(multipliers, |s, value| {
-        if delivers_to_all(path, dispersive, s) {
-            out.shared += power(value);
+    for_each_term(multipliers, |technique, value| {
+        if delivers_to_all(path, dispersive, technique) {
+            out.shared += heuristic.power(value);
         } else {
-            own += power(value);
+            own += heuristic.power(value);
         }
     });
     out.shared *= count as f64;
@@ -274,9 +351,9 @@ fn add_columns(
     multipliers: &Multipliers,
     wavelengths: &SampledWavelengths,
     dispersive: usize,
-    power: impl Fn(f64) -> f64,
     out: &mut Denominator,
 ) {
+    use Technique::{Join, Merge};
     let path = multipliers.path;
     let n = path.len();
     let s = path.s();
@@ -293,26 +370,41 @@ fn add_columns(
         for i in (0..n).rev() {
             suffix[i] = suffix[i + 1] * path.pr_lane(i, k) / generated(i);
         }
+        let mut add = |technique: Technique, value: f64| {
+            let value = multipliers.techniques.heuristic.power(value);
+            if value == 0.0 {
+                return;
+            }
+            if delivers_to_all(path, dispersive, technique) {
+                out.shared += value;
+            } else {
+                for j in
+                    (0..count).filter(|&j| wavelengths.lambda_nm(j) == wavelengths.lambda_nm(k))
+                {
+                    out.own[j] += value;
+                }
+            }
+        };
         let mut prefix = 1.0;
         for (technique, &behind) in suffix.iter().enumerate() {
+            let emitted = path.pf(0) / generated(0);
             let first = match technique {
                 0 => 1.0,
                 1 => path.direct / generated(0),
-                _ => path.pf(0) / generated(0),
+                _ => emitted,
             };
-            let value = multipliers.of(technique) * first * prefix * behind;
-            if value > 0.0 {
-                if delivers_to_all(path, dispersive, technique) {
-                    out.shared += power(value);
-                } else {
-                    for j in
-                        (0..count).filter(|&j| wavelengths.lambda_nm(j) == wavelengths.lambda_nm(k))
-                    {
-                        out.own[j] += power(value);
-                    }
-                }
-            }
+            add(
+                Join(technique),
+                multipliers.of(technique) * first * prefix * behind,
+            );
             if technique >= 1 && technique < n {
+                let merging = multipliers.merging(technique);
+                if merging > 0.0 {
+                    add(
+                        Merge(technique),
+                        merging * emitted * prefix * behind * path.pf_lane(technique, k),
+                    );
+                }
                 prefix *= path.pf_lane(technique, k) / generated(technique);
             }
         }

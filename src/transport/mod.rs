@@ -8,9 +8,11 @@ pub mod connect;
 pub mod context;
 pub mod contribution;
 pub mod density;
+pub mod merge;
 pub mod mis;
 #[cfg(test)]
 mod oracle;
+pub mod photons;
 #[cfg(test)]
 pub mod record;
 pub mod regularize;
@@ -22,6 +24,7 @@ pub mod walk;
 pub use context::{Counters, PassSettings, PathContext};
 pub use contribution::{Contribution, Target};
 pub use density::{Edge, PathView, VertexDensity};
+pub use photons::{PhotonBuffer, PhotonMap};
 pub use regularize::Cone;
 pub use subpath::Subpath;
 pub use techniques::Techniques;

@@ -1,7 +1,8 @@
 //! The weights by definition: every strategy's density as a plain product, nothing shared, nothing cancelled. Slow; checks `mis.rs`.
 
 use super::density::{Column, Edge, EdgeDensity, NO_COLUMN, PathView, VertexDensity};
-use super::mis::{Multipliers, denominator, for_each_term};
+use super::merge::{MergeSide, is_separable, merge_factors, side_terms};
+use super::mis::{Multipliers, Technique, denominator, for_each_term, merge_denominator};
 use super::regularize::Cone;
 use super::techniques::Techniques;
 use crate::bsdf::Label;
@@ -104,6 +105,27 @@ impl FullPath {
         product
     }
 
+    /// The density of generating x_i from both sides, for lane `k`.
+    fn merge_density(&self, i: usize, k: usize) -> f64 {
+        let light: f64 = (0..=i).map(|j| self.pf[j][k]).product();
+        let sensor: f64 = (i..self.len()).map(|j| self.pr[j][k]).product();
+        light * sensor
+    }
+
+    /// π r² N_L where merging at x_i is done.
+    fn merging(&self, techniques: &Techniques, i: usize) -> f64 {
+        let inner = 1..self.len() - 1;
+        let last = inner.clone().rev().find(|&j| !self.specular[j]);
+        let merges = inner.contains(&i)
+            && !self.specular[i]
+            && (techniques.kind != IntegratorKind::Ppm || last == Some(i));
+        if merges { techniques.merging } else { 0.0 }
+    }
+
+    fn is_mergeable(&self) -> bool {
+        (1..self.len() - 1).any(|i| !self.specular[i])
+    }
+
     /// The path as strategy `s` stores it, and handed to `f`.
     fn seen_by<T>(&self, s: usize, f: impl FnOnce(&PathView) -> T) -> T {
         let n = self.len();
@@ -201,7 +223,8 @@ impl FullPath {
         let possible: Vec<usize> = (0..=n)
             .filter(|&s| plain(s) > 0.0 && (s > 0 || self.hittable_light))
             .collect();
-        let unbiased = possible.iter().any(|&s| self.regularized(s) == 0);
+        let unbiased = possible.iter().any(|&s| self.regularized(s) == 0)
+            || techniques.merging > 0.0 && self.is_mergeable();
         let preference = match techniques.single.filter(|_| techniques.cone.is_some()) {
             None if unbiased && techniques.cone.is_some() => {
                 techniques.bias_weight.powi(self.regularized(s))
@@ -224,7 +247,8 @@ impl FullPath {
                 f64::from(u8::from(candidates.last() == Some(&s)))
             }
         };
-        plain(s) * preference
+        let forbidden = techniques.kind.only_merges() && self.is_mergeable();
+        plain(s) * preference * f64::from(u8::from(!forbidden))
     }
 }
 
@@ -241,9 +265,12 @@ fn random_settings(random: &mut Random, n: usize) -> Settings {
             settings.disabled.insert((s as u32, (n - s) as u32));
         }
     }
-    settings.integrator = match (random.next() * 4.0) as u32 {
+    settings.integrator = match (random.next() * 8.0) as u32 {
         0 => IntegratorKind::Path,
         1 => IntegratorKind::Light,
+        2 | 3 => IntegratorKind::Vcm,
+        4 => IntegratorKind::Bpm,
+        5 => IntegratorKind::Ppm,
         _ => IntegratorKind::Bdpt,
     };
     settings
@@ -257,6 +284,9 @@ fn random_techniques<'a>(random: &mut Random, settings: &'a Settings) -> Techniq
         techniques.cone = Some(Cone::new(
             1e-8_f64.powf(log) * std::f64::consts::FRAC_PI_2.powf(1.0 - log),
         ));
+    }
+    if settings.integrator.merges() {
+        techniques.merging = random.density();
     }
     match (random.next() * 8.0) as u32 {
         0 => techniques.single = Some(SingleRule::ShortestEdge),
@@ -294,7 +324,46 @@ fn denominator_by_definition(
             }
         }
     }
+    let disperses = path.dispersive.contains(&true);
+    for i in 1..n - 1 {
+        for k in 0..wavelengths.count() {
+            if !disperses || wavelengths.lambda_nm(k) == wavelengths.lambda_nm(j) {
+                let term = path.merging(techniques, i) * path.merge_density(i, k);
+                sum += match techniques.heuristic {
+                    Heuristic::Balance => term,
+                    Heuristic::Power2 => term * term,
+                };
+            }
+        }
+    }
     sum
+}
+
+/// The largest relative error of the constant-time sums for merging at x_i against the walk over the whole path.
+fn merge_error(
+    path: &FullPath,
+    techniques: &Techniques,
+    wavelengths: &SampledWavelengths,
+    i: usize,
+) -> f64 {
+    path.seen_by(i + 1, |view| {
+        let expected = merge_denominator(&Multipliers::new(view, techniques), wavelengths);
+        let mut sensor = view.camera.to_vec();
+        sensor.push(VertexDensity::new(path.pr[i][0]));
+        let direct = path.direct / path.pf[0][0];
+        let side = MergeSide::Light { direct };
+        let mut light = side_terms(view.light, path.pr[i - 1][0], side, techniques);
+        // as they are stored
+        for sum in [&mut light.first, &mut light.rest, &mut light.rest_shared] {
+            *sum = f64::from(*sum as f32);
+        }
+        let factor = path.pf[i + 1][0];
+        let sensor = side_terms(&sensor, factor, MergeSide::Sensor, techniques);
+        let found = merge_factors(&light, &sensor, (1.0, 1.0), techniques, wavelengths);
+        (0..wavelengths.count())
+            .map(|j| (found[j] / expected.factor(j) - 1.0).abs())
+            .fold(0.0, f64::max)
+    })
 }
 
 fn check(
@@ -311,6 +380,7 @@ fn check(
     let continuous = WavelengthDistribution::uniform([360.0, 830.0]);
     let lines = WavelengthDistribution::lines(&[450.0, 550.0, 650.0]);
     let (mut executed_strategies, mut worst_sum, mut worst_lane) = (0, 0.0_f64, 0.0_f64);
+    let (mut merges, mut worst_merge) = (0, 0.0_f64);
     for _ in 0..rounds {
         let span = (lengths.end() - lengths.start() + 1) as f64;
         let n = lengths.start() + (random.next() * span) as usize;
@@ -362,6 +432,29 @@ fn check(
                 }
             });
         }
+        for i in 1..n - 1 {
+            let (own, base) = (path.merging(&techniques, i), path.density(i + 1, 0));
+            if own == 0.0 || path.merge_density(i, 0) == 0.0 {
+                continue;
+            }
+            merges += 1;
+            possible += 1;
+            path.seen_by(i + 1, |view| {
+                let multipliers = Multipliers::new(view, &techniques);
+                let mut total = 0.0;
+                for_each_term(&multipliers, |_, term| total += term);
+                weight_sum += own * path.pr[i][0] / total;
+                let all = merge_denominator(&multipliers, &wavelengths);
+                for j in [0, count - 1] {
+                    let expected = denominator_by_definition(&path, &techniques, &wavelengths, j);
+                    let expected = expected / techniques.heuristic.power(base);
+                    worst_lane = worst_lane.max(((all.shared + all.own[j]) / expected - 1.0).abs());
+                }
+            });
+            if !columns && is_separable(&techniques) {
+                worst_merge = worst_merge.max(merge_error(&path, &techniques, &wavelengths, i));
+            }
+        }
         executed_strategies += possible;
         if possible > 0 && !columns {
             worst_sum = worst_sum.max((weight_sum - 1.0).abs());
@@ -374,6 +467,12 @@ fn check(
     // n products of f64, each with a rounding of 1.1e-16
     assert!(worst_sum < 1e-12, "weights sum to 1 {worst_sum:e}");
     assert!(worst_lane < 1e-12, "denominators differ by {worst_lane:e}");
+    assert!(merges > rounds / 4, "only {merges} merges");
+    // three roundings to f32 of 6e-8
+    assert!(
+        worst_merge < 1e-6,
+        "sums for merging differ by {worst_merge:e}"
+    );
 }
 
 #[test]
@@ -406,7 +505,7 @@ fn a_planted_error_is_seen() {
                 let multipliers = Multipliers::new(view, &techniques);
                 let mut total = 0.0;
                 for_each_term(&multipliers, |i, term| {
-                    total += if Some(i) == planted {
+                    total += if planted.is_some_and(|s| Technique::Join(s) == i) {
                         1.02 * term
                     } else {
                         term

@@ -147,6 +147,27 @@ impl Subpath {
         self.densities.push(VertexDensity::new(pdf));
     }
 
+    /// Density of vertex `i` (0: the end point) from its own side, of all lanes.
+    #[must_use]
+    pub fn own_density(&self, i: usize) -> EdgeDensity {
+        let density = &self.densities[i];
+        self.with_column(density.own, density.own_column)
+    }
+
+    /// Density of vertex `i` from the other side; it is known once the sub-path has two further vertices.
+    #[must_use]
+    pub fn other_density(&self, i: usize) -> EdgeDensity {
+        let density = &self.densities[i];
+        self.with_column(density.other, density.other_column)
+    }
+
+    fn with_column(&self, hero: f64, column: u32) -> EdgeDensity {
+        EdgeDensity {
+            hero,
+            lanes: self.columns.get(column as usize).copied(),
+        }
+    }
+
     /// Stores a density's columns, if it has any.
     pub fn store_column(&mut self, density: &EdgeDensity) -> u32 {
         match density.lanes {

@@ -23,6 +23,8 @@ pub struct Techniques<'a> {
     pub single: Option<SingleRule>,
     /// β per regularized vertex on the weight, for paths that also have unbiased strategies.
     pub bias_weight: f64,
+    /// Photon merging: π r² N_L, with N_L light sub-paths among whose photons a camera sub-path gathers; 0: no merging.
+    pub merging: f64,
     /// Strategies (s, t) that are never executed.
     pub disabled: &'a BTreeSet<(u32, u32)>,
 }
@@ -40,6 +42,7 @@ impl<'a> Techniques<'a> {
             cone: None,
             single: None,
             bias_weight: 1.0,
+            merging: 0.0,
             disabled: &settings.disabled,
         }
     }
@@ -59,7 +62,11 @@ impl<'a> Techniques<'a> {
         let executed = match self.kind {
             IntegratorKind::Path => from_camera && s <= 1,
             IntegratorKind::Light => !from_camera,
-            IntegratorKind::Bdpt => true,
+            IntegratorKind::Bdpt | IntegratorKind::Vcm => true,
+            // what is left of connections: paths that hit, and a detector's view of lights that cannot be hit
+            IntegratorKind::Bpm | IntegratorKind::Ppm => {
+                s == 0 || t == 0 || self.hittable_sensor && s + t == 2
+            }
         } && (t > 0 || self.hittable_sensor);
         if !executed {
             0.0

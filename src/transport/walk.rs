@@ -12,6 +12,7 @@ use crate::geometry::{DirectionalDensity, EndPoint, Ray, SurfacePoint};
 use crate::math::frame::Frame;
 use crate::medium::MediumStack;
 use crate::sampler::StreamSampler;
+use crate::scene::Scene;
 use glam::DVec3;
 
 /// From how many vertices on a sub-path whose weight does not fall is killed now and then, so that every walk ends.
@@ -38,6 +39,8 @@ pub struct Start {
     pub generate: Side,
     /// At most this many scattering vertices.
     pub max_vertices: usize,
+    /// Ends at the first vertex that scatters under a non-specular label.
+    pub specular_only: bool,
 }
 
 /// Density of the direction a walk travels in.
@@ -90,6 +93,7 @@ pub fn walk(
         infinite,
         generate,
         max_vertices,
+        specular_only,
     } = start;
     let reference = throughput.max_lane(context.count());
     let mut travel = Travel::Start(pdf);
@@ -115,6 +119,11 @@ pub fn walk(
         let distance = passed + hit.t;
         let through = |ray: &Ray| Ray::leaving(point.p, ray.d, ray.time, Some(point.id));
 
+        if object.covered && passes_uncovered(scene, &point, numbers) {
+            ray = through(&ray);
+            passed = distance;
+            continue;
+        }
         if object.sensor == Some(context.sensor) && generate == Side::Camera {
             record_sensor_hit(
                 context, path, &point, ray.d, distance, &stack, &travel, infinite, throughput,
@@ -145,7 +154,10 @@ pub fn walk(
             return;
         }
 
-        throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
+        // light from infinity is given as it arrives
+        if !(infinite && path.vertices.is_empty()) {
+            throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
+        }
         let geometric_cos = ray.d.dot(point.ng).abs();
         let own = travel.area_density(geometric_cos, distance * distance);
         let (here, there) = (stack.region(), behind.region());
@@ -165,6 +177,7 @@ pub fn walk(
             dispersive: (above.dispersive || below.dispersive)
                 && regions[0].medium != regions[1].medium,
         };
+        let point = scene.shading_point(point, context.time);
         let vertex = Vertex {
             bsdf: scene.materials[object.material.0 as usize].bsdf(
                 &point,
@@ -205,6 +218,9 @@ pub fn walk(
         let density = &mut path.densities[index + 1];
         density.label = sample.label;
         density.dispersive = sample.dispersive;
+        if specular_only && !sample.label.is_specular() {
+            return;
+        }
         let survival = survival(index, throughput.max_lane(context.count()) / reference);
         if numbers[3] >= survival {
             return;
@@ -221,6 +237,13 @@ pub fn walk(
         ray = Ray::leaving(vertex.point.p, w, context.time, Some(vertex.point.id));
         passed = 0.0;
     }
+}
+
+/// Whether a walk goes straight on at a surface that covers only in part: with the probability of what it leaves open,
+/// which is also the factor of the segment. Both cancel in the throughput, and weights leave them out on both sides.
+fn passes_uncovered(scene: &Scene, point: &SurfacePoint, numbers: &mut StreamSampler) -> bool {
+    let coverage = scene.coverage(point);
+    coverage == 0.0 || coverage < 1.0 && numbers.next4()[0] >= coverage
 }
 
 /// Draws the next direction. `None` where the walk ends.
@@ -327,6 +350,10 @@ fn record_sensor_hit(
         distance: distance_counted,
         medium: stack.medium(),
         density,
-        throughput: throughput.times(&context.medium(stack.medium()).transmittance(distance)),
+        throughput: if distance_counted.is_finite() {
+            throughput.times(&context.medium(stack.medium()).transmittance(distance))
+        } else {
+            throughput
+        },
     });
 }

@@ -1,5 +1,6 @@
 //! Bad input: every wrong file gets an error that names the place, and no bytes make a reader panic.
 
 mod binary;
+mod models;
 mod mutation;
 mod scene;

@@ -1,6 +1,7 @@
 //! 20,000 seeded mutations of valid files through each reader: no panic, no large allocation.
 
 use super::binary::{valid_exr, valid_part};
+use super::models::valid_glb;
 use abbe::math::hash::random_bits;
 
 const MUTATIONS: u64 = 20_000;
@@ -96,4 +97,92 @@ fn parts() {
         ],
         abbe::io::part::fuzz_part,
     );
+}
+
+#[test]
+fn gltf() {
+    let dictionary: [&[u8]; 12] = [
+        b"1e999",
+        b"-1",
+        b"4294967296",
+        b"99999999999999999999",
+        b"null",
+        b"[]",
+        b"{}",
+        b"\"\"",
+        b"true",
+        &[255; 4],
+        &[0; 4],
+        b"KHR_materials_volume",
+    ];
+    run(&valid_glb(), &dictionary, abbe::io::gltf::fuzz_gltf);
+}
+
+#[test]
+fn models_of_text() {
+    let obj = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0 1 1 1\nv 0 1 0\nvt 0 0\nvn 0 0 1\no a\nusemtl m\nf 1/1/1 2/1/1 3/1/1\nf -1 -2 -3\n";
+    let dictionary: [&[u8]; 8] = [
+        b"nan",
+        b"-1",
+        b"99999999999",
+        b"1e39",
+        b"\n",
+        b"/",
+        b"f 1 2 3",
+        b"usemtl",
+    ];
+    run(obj, &dictionary, abbe::io::mtl::fuzz_model);
+    let mtl = b"newmtl a\nKd 1 0 0\nKe 1 1 1\nKs 1 1 1\nNs 20\nNi 1.5\nd 0.5\nillum 4\nPr 0.5\nPm 1\nmap_Kd -s 1 1 1 a.png\nnorm b.png\nTr 0.2\n";
+    run(mtl, &dictionary, abbe::io::mtl::fuzz_mtl);
+}
+
+#[test]
+fn ply() {
+    let header = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty list uchar short w\n\
+                  element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let dictionary: [&[u8]; 8] = [
+        b"-1",
+        b"4294967295",
+        b"property",
+        b"list",
+        b"double",
+        b"\n",
+        &[255; 4],
+        b"nan",
+    ];
+    let ascii = format!("ply\nformat ascii 1.0\n{header}0 0 0 1 5\n1 0 0 0\n0 1 0 0\n3 0 1 2\n");
+    run(ascii.as_bytes(), &dictionary, abbe::io::ply::fuzz_ply);
+    let mut binary = format!("ply\nformat binary_little_endian 1.0\n{header}").into_bytes();
+    for p in [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
+        binary.extend(p.iter().flat_map(|v| v.to_le_bytes()));
+        binary.push(0);
+    }
+    binary.extend([3, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0]);
+    run(&binary, &dictionary, abbe::io::ply::fuzz_ply);
+}
+
+#[test]
+fn textures() {
+    let mut png = Vec::new();
+    let mut encoder = png::Encoder::new(&mut png, 8, 8);
+    encoder.set_color(png::ColorType::Rgba);
+    let data: Vec<u8> = (0..256).map(|i| (i * 37 % 251) as u8).collect();
+    let mut writer = encoder.write_header().expect("header");
+    writer.write_image_data(&data).expect("data");
+    writer.finish().expect("end");
+    let dictionary: [&[u8]; 6] = [
+        &[0; 4],
+        &[255; 4],
+        b"IDAT",
+        b"PLTE",
+        &[0xff, 0xc0],
+        &[0xff, 0xda],
+    ];
+    run(&png, &dictionary, abbe::io::image_file::fuzz_image);
+    run(
+        include_bytes!("tiny.jpg"),
+        &dictionary,
+        abbe::io::image_file::fuzz_image,
+    );
+    run(&valid_exr(), &dictionary, abbe::io::image_file::fuzz_image);
 }

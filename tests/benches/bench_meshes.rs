@@ -9,7 +9,52 @@ fn main() -> io::Result<()> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/bench/generated");
     fs::create_dir_all(&folder)?;
     torus(&folder.join("torus.obj"))?;
-    bumpy_sphere(&folder.join("bumpy_sphere.obj"))
+    bumpy_sphere(&folder.join("bumpy_sphere.obj"))?;
+    glb(
+        &folder.join("bumpy_sphere.obj"),
+        &folder.join("bumpy_sphere.glb"),
+    )
+}
+
+/// The same vertices and triangles as a GLB file.
+fn glb(obj: &Path, path: &Path) -> io::Result<()> {
+    let text = fs::read_to_string(obj)?;
+    let (mut positions, mut indices) = (Vec::new(), Vec::new());
+    for line in text.lines() {
+        let (kind, rest) = line.split_at(2);
+        for word in rest.split(' ') {
+            if kind == "v " {
+                positions.extend(word.parse::<f32>().unwrap_or(0.0).to_le_bytes());
+            } else {
+                let vertex: u32 = word.parse().unwrap_or(1);
+                indices.extend((vertex - 1).to_le_bytes());
+            }
+        }
+    }
+    let (vertices, corners) = (positions.len() / 12, indices.len() / 4);
+    let mut json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"buffers":[{{"byteLength":{total}}}],"bufferViews":[{{"buffer":0,"byteLength":{split}}},{{"buffer":0,"byteOffset":{split},"byteLength":{rest}}}],"accessors":[{{"bufferView":0,"componentType":5126,"count":{vertices},"type":"VEC3"}},{{"bufferView":1,"componentType":5125,"count":{corners},"type":"SCALAR"}}],"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1}}]}}],"nodes":[{{"mesh":0}}],"scenes":[{{"nodes":[0]}}]}}"#,
+        total = positions.len() + indices.len(),
+        split = positions.len(),
+        rest = indices.len(),
+    );
+    while json.len() % 4 != 0 {
+        json.push(' ');
+    }
+    let data = positions.len() + indices.len();
+    let word = |n: usize| (n as u32).to_le_bytes();
+    let mut out = BufWriter::new(File::create(path)?);
+    out.write_all(b"glTF")?;
+    out.write_all(&word(2))?;
+    out.write_all(&word(28 + json.len() + data))?;
+    out.write_all(&word(json.len()))?;
+    out.write_all(b"JSON")?;
+    out.write_all(json.as_bytes())?;
+    out.write_all(&word(data))?;
+    out.write_all(b"BIN\0")?;
+    out.write_all(&positions)?;
+    out.write_all(&indices)?;
+    out.flush()
 }
 
 /// R = 0.6, r = 0.22, axis +y, 128 × 64 quads as flat triangles.

@@ -107,7 +107,7 @@ fn json(text: &str) -> serde_json::Value {
 fn help_lists_what_there_is() {
     let dir = folder();
     let help = succeed(dir.path(), "--help");
-    for name in ["render", "info", "compare", "glass", "merge"] {
+    for name in ["render", "info", "compare", "glass", "merge", "banding"] {
         assert!(help.contains(name), "{name}: {help}");
     }
     let render = succeed(dir.path(), "render --help");
@@ -123,12 +123,12 @@ fn help_lists_what_there_is() {
         "--part",
         "--regularize",
         "--epsilon",
+        "vcm",
+        "--sharing",
     ] {
         assert!(render.contains(option), "{option}: {render}");
     }
-    for absent in ["pssmlt"] {
-        assert!(!render.contains(absent), "{absent}");
-    }
+    assert!(!render.contains("pssmlt"), "{render}");
     assert!(
         succeed(dir.path(), "--version")
             .starts_with(&format!("abbe {} (", env!("CARGO_PKG_VERSION")))
@@ -169,6 +169,11 @@ fn misuse_is_explained() {
             "expected scene, uniform, visible, A..B or a list of wavelengths in nm",
         ),
         ("render scene.toml --resume", "--part <FILE>"),
+        ("compare scene.exr", "<REFERENCE>"),
+        (
+            "compare scene.exr --banding --axis z",
+            "expected x, y, or a pixel X,Y",
+        ),
         ("render", "<SCENE>"),
         ("glass", "<NAME>"),
         ("draw scene.toml", "unrecognized subcommand 'draw'"),
@@ -208,6 +213,10 @@ fn failures_are_explained() {
         (
             "render scene.toml --max-memory 1K",
             "--max-memory allows 1.0 KiB",
+        ),
+        (
+            "render scene.toml --integrator vcm --max-memory 38K",
+            "films, meshes, textures and photons need",
         ),
         ("render scene.toml --set render.spp=0", "--set render.spp=0"),
         ("glass N-BK77", "unknown glass"),
@@ -514,8 +523,8 @@ fn info_says_what_and_why() {
         "camera        perspective, 24 x 16 pixels",
         "schott:N-BK7, n_d 1.516800, V_d 64.17",
         "dispersion     on",
-        "absorption    on",
-        "motion        off",
+        "absorption     on",
+        "motion         off",
     ] {
         assert!(info.contains(part), "{part}: {info}");
     }
@@ -573,4 +582,59 @@ fn compare_measures() {
         size,
         "error: small.exr: is 8 x 8, the reference 24 x 16 pixels\n"
     );
+}
+
+#[test]
+fn merging_says_what_it_shares_and_stores() {
+    let dir = folder();
+    let stdout = succeed(
+        dir.path(),
+        "render scene.toml --integrator vcm --spp 3 --stats s.json",
+    );
+    for part in ["radius", "vertices of 60 B", "3 wavelengths, largest gap"] {
+        assert!(stdout.contains(part), "{part}: {stdout}");
+    }
+    let stats = json(&String::from_utf8_lossy(&bytes(&dir, "s.json")));
+    let merging = &stats["sensors"][0]["merging"];
+    assert_eq!(merging["bytes_per_light_vertex"], 60);
+    assert_eq!(merging["distinct_wavelengths"], 3);
+    assert!(merging["light_vertices"].as_u64().is_some_and(|n| n > 0));
+    succeed(dir.path(), "render scene.toml --spp 1 --stats n.json -q");
+    let stats = json(&String::from_utf8_lossy(&bytes(&dir, "n.json")));
+    assert!(stats["sensors"][0]["merging"].is_null());
+}
+
+#[test]
+fn bands_are_measured_and_shown() {
+    let dir = folder();
+    succeed(
+        dir.path(),
+        "render scene.toml --spp 4 -q -o a.exr --filter box",
+    );
+    succeed(
+        dir.path(),
+        "render scene.toml --spp 4 -q -o b.exr --filter box --seed 3",
+    );
+    let alone = succeed(dir.path(), "compare a.exr --banding --axis 12,8");
+    assert!(alone.contains("F-ratio") && !alone.contains("participation"));
+    let bands = json(&succeed(
+        dir.path(),
+        "compare a.exr b.exr --banding --json --region 2,2,22,14",
+    ));
+    assert_eq!(bands["Y"]["lines"], 20);
+    let stderr = fail(
+        dir.path(),
+        "compare a.exr b.exr --banding --region 2,2,25,14",
+        2,
+    );
+    assert!(stderr.contains("reaches beyond an image of 24 x 16 pixels"));
+    let stdout = succeed(
+        dir.path(),
+        "banding scene.toml --passes 1,2 --reference-passes 4 -o page.html",
+    );
+    assert!(stdout.contains("bdpt, as much time"), "{stdout}");
+    let page = String::from_utf8_lossy(&bytes(&dir, "page.html")).into_owned();
+    assert!(page.contains("data:image/png;base64,") && page.contains("SmallVCM"));
+    let report = json(&String::from_utf8_lossy(&bytes(&dir, "page.json")));
+    assert_eq!(report["rows"].as_array().map(Vec::len), Some(8));
 }

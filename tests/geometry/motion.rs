@@ -76,7 +76,7 @@ fn ball() -> Shape {
 /// 320 triangles that swing about: the sphere drifts along, swells and is sheared, in frames of unequal distance.
 fn jelly(random: &mut Random, sweep: f64) -> Shape {
     let (points, faces) = icosphere(1);
-    let frames = [-3.0, -0.1, 0.2, 0.7, 2.0]
+    let frames: Vec<_> = [-3.0, -0.1, 0.2, 0.7, 2.0]
         .iter()
         .map(|&time_s| {
             let drift = random.direction() * sweep;
@@ -91,7 +91,7 @@ fn jelly(random: &mut Random, sweep: f64) -> Shape {
             }
         })
         .collect();
-    deforming::shape(frames, None, faces, SHUTTER).expect("valid")
+    deforming::shape(&frames, None, faces, SHUTTER).expect("valid")
 }
 
 fn still() -> Instance {
@@ -282,7 +282,7 @@ fn large_sweeps_are_cut_into_segments_and_small_ones_are_not() {
             normals: None,
         };
         let frames = vec![frame(SHUTTER.open_s, 0.0), frame(SHUTTER.close_s, sweep)];
-        match deforming::shape(frames, None, faces.clone(), SHUTTER).expect("valid") {
+        match deforming::shape(&frames, None, faces.clone(), SHUTTER).expect("valid") {
             Shape::Deforming(mesh) => mesh.segment_count(),
             _ => panic!("it moves"),
         }
@@ -305,12 +305,12 @@ fn frames_that_agree_within_the_shutter_are_an_ordinary_mesh() {
         normals: None,
     };
     let frames = vec![frame(1.0, 2.0), frame(5.0, 3.0)];
-    let before = deforming::shape(frames.clone(), None, faces.clone(), SHUTTER).expect("valid");
+    let before = deforming::shape(&frames, None, faces.clone(), SHUTTER).expect("valid");
     let instant = Shutter {
         open_s: 3.0,
         close_s: 3.0,
     };
-    let middle = deforming::shape(frames, None, faces.clone(), instant).expect("valid");
+    let middle = deforming::shape(&frames, None, faces.clone(), instant).expect("valid");
     let positions: Vec<[f32; 3]> = frame(0.0, 2.5).positions;
     let expected = Mesh::new(&positions, None, None, faces).expect("valid");
     match (before, middle) {

@@ -11,6 +11,8 @@ mod equality;
 mod hard_cases;
 mod harness;
 mod lanes;
+mod merging;
+mod models;
 mod motion;
 mod regularized;
 mod scale;

@@ -121,7 +121,7 @@ impl<'a> Base<'a> {
 
     fn methods(&self) -> Vec<Variant> {
         // a further integrator is a further line here
-        let names = ["path", "light", "bdpt"];
+        let names = ["path", "light", "bdpt", "vcm"];
         let same = |name: &str, regularized: bool| {
             name == integrator_name(self.loaded.settings.integrator)
                 && regularized == self.regularized()

@@ -7,7 +7,7 @@
 mod check;
 pub mod document;
 mod error;
-mod files;
+pub(in crate::io) mod files;
 mod plan;
 mod resolve;
 mod schema;
@@ -15,6 +15,8 @@ mod schema;
 pub use error::{Place, Problem, SceneFileError, SceneFileErrors};
 pub use schema::OutputUnits;
 
+use crate::io::convert::shortest_scene;
+use crate::io::model::ModelKind;
 use crate::math::hash::combine;
 use crate::scene::description::SceneDescription;
 use crate::scene::settings::Settings;
@@ -49,14 +51,21 @@ pub struct CheckedScene {
     source: Source,
 }
 
-/// Reads a scene file with `overrides` (dotted key, value) applied.
+/// Reads a scene file, or a model as the scene it makes by itself, with `overrides` (dotted key, value) applied.
 ///
 /// # Errors
 /// All problems of the file.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedScene, SceneFileErrors> {
     let name = path.display().to_string();
-    let text =
-        read_scene_text(path).map_err(|problem| SceneFileErrors::whole_file(&name, problem))?;
+    let text = match ModelKind::of(path) {
+        Some(kind) => {
+            let file = path.file_name().unwrap_or_default().to_string_lossy();
+            shortest_scene(kind, &file)
+        }
+        None => {
+            read_scene_text(path).map_err(|problem| SceneFileErrors::whole_file(&name, problem))?
+        }
+    };
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
         _ => PathBuf::from("."),
@@ -133,11 +142,12 @@ fn finish(checked: CheckedScene) -> Result<LoadedScene, SceneFileErrors> {
     let CheckedScene {
         plan,
         hash,
-        warnings,
+        mut warnings,
         source,
     } = checked;
     let (settings, units) = (plan.settings.clone(), plan.units);
-    let description = resolve::resolve(plan, hash, &source)?;
+    let (description, notes) = resolve::resolve(&plan, hash, &source)?;
+    warnings.extend(notes);
     Ok(LoadedScene {
         description,
         settings,

@@ -3,10 +3,12 @@
 
 use super::schema::{FilterName, OutputUnits};
 use crate::geometry::{Link, Shutter};
+use crate::io::model::ModelKind;
 use crate::medium::Boundary;
 use crate::scene::description::WavelengthSettings;
 use crate::scene::settings::Settings;
-use glam::{DAffine3, DVec3};
+use crate::texture::{Filter, Wrap};
+use glam::{DAffine2, DAffine3, DMat3, DVec3};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -19,9 +21,11 @@ pub struct Plan {
     /// \[0\] is the ambient medium.
     pub media: Vec<MediumPlan>,
     /// In the order of their names, then the black material of objects without one, if there are such.
-    pub materials: Vec<Vec<(f64, LobePlan)>>,
+    pub materials: Vec<MaterialPlan>,
     /// Files of meshes; objects refer to them by index, so that instances share a mesh.
     pub meshes: Vec<MeshPlan>,
+    /// Files of other programs.
+    pub models: Vec<ModelPlan>,
     /// Surfaces.
     pub objects: Vec<ObjectPlan>,
     /// Lights.
@@ -51,6 +55,115 @@ pub enum SpectrumSource {
     Blackbody(f64),
     /// (nm, power), wavelengths ascending.
     Lines(Vec<[f64; 2]>),
+    /// An image over the surface.
+    Texture(Box<TexturePlan>),
+}
+
+/// An image on a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TexturePlan {
+    /// The file, canonical.
+    pub path: PathBuf,
+    /// As written.
+    pub name: String,
+    /// Where it is named.
+    pub at: Span,
+    /// Whether its bytes are sRGB-encoded.
+    pub srgb: bool,
+    /// From the coordinates of the surface to those of the image.
+    pub map: DAffine2,
+    /// Beyond the borders.
+    pub wrap: Wrap,
+    /// Between texels.
+    pub filter: Filter,
+}
+
+/// A number that may come from an image.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ScalarPlan {
+    /// The same everywhere.
+    Constant(f64),
+    /// A channel of an image times a factor.
+    Image {
+        texture: TexturePlan,
+        channel: usize,
+        factor: f64,
+    },
+}
+
+/// A material.
+#[derive(Clone, Debug, Default)]
+pub struct MaterialPlan {
+    /// (weight, lobe).
+    pub lobes: Vec<(ScalarPlan, LobePlan)>,
+    /// Normal map and its scale.
+    pub normal: Option<(TexturePlan, f64)>,
+    /// Coverage and from where on it is all.
+    pub coverage: Option<(ScalarPlan, Option<f64>)>,
+}
+
+impl MaterialPlan {
+    /// A place where it names a texture, if it does.
+    pub fn texture_at(&self) -> Option<Span> {
+        let of_scalar = |s: &ScalarPlan| match s {
+            ScalarPlan::Image { texture, .. } => Some(texture.at.clone()),
+            ScalarPlan::Constant(_) => None,
+        };
+        let of_spectrum = |s: &SpectrumPlan| match &s.source {
+            SpectrumSource::Texture(texture) => Some(texture.at.clone()),
+            _ => None,
+        };
+        let of_lobe = |lobe: &LobePlan| match lobe {
+            LobePlan::Diffuse { reflectance } | LobePlan::Mirror { reflectance } => {
+                of_spectrum(reflectance)
+            }
+            LobePlan::Coated {
+                reflectance: s,
+                alpha,
+                ..
+            }
+            | LobePlan::Conductor { tint: s, alpha, .. }
+            | LobePlan::ColoredMetal { color: s, alpha } => {
+                of_spectrum(s).or_else(|| alpha.iter().find_map(of_scalar))
+            }
+            LobePlan::Dielectric {
+                alpha,
+                reflect_tint,
+                transmit_tint,
+            } => of_spectrum(reflect_tint)
+                .or_else(|| of_spectrum(transmit_tint))
+                .or_else(|| alpha.iter().find_map(of_scalar)),
+            LobePlan::Thin { transmit_tint, .. } => of_spectrum(transmit_tint),
+        };
+        let lobes = self
+            .lobes
+            .iter()
+            .find_map(|(w, l)| of_scalar(w).or_else(|| of_lobe(l)));
+        let normal = self.normal.as_ref().map(|n| n.0.at.clone());
+        let coverage = self.coverage.as_ref().and_then(|c| of_scalar(&c.0));
+        lobes.or(normal).or(coverage)
+    }
+}
+
+/// A file of another program.
+#[derive(Clone, Debug)]
+pub struct ModelPlan {
+    /// The file, canonical.
+    pub path: PathBuf,
+    /// As written.
+    pub name: String,
+    /// Where it is named.
+    pub at: Span,
+    /// Its kind.
+    pub kind: ModelKind,
+    /// To the world, metres.
+    pub to_world: DAffine3,
+    /// Columns and rows of its cameras.
+    pub resolution: [u32; 2],
+    /// Filter of its cameras and the filter's radius in pixels; `None`: the default.
+    pub filter: (Option<FilterName>, Option<f64>),
+    /// Whether its lights are taken.
+    pub lights: bool,
 }
 
 /// A spectrum.
@@ -155,12 +268,23 @@ pub enum LobePlan {
     /// Metal.
     Conductor {
         ior: IorPlan,
-        alpha: [f64; 2],
+        alpha: [ScalarPlan; 2],
         tint: SpectrumPlan,
+    },
+    /// Metal known by its color.
+    ColoredMetal {
+        color: SpectrumPlan,
+        alpha: [ScalarPlan; 2],
+    },
+    /// Diffuse base under a dielectric layer of an index.
+    Coated {
+        reflectance: SpectrumPlan,
+        index: f64,
+        alpha: [ScalarPlan; 2],
     },
     /// Interface between media.
     Dielectric {
-        alpha: [f64; 2],
+        alpha: [ScalarPlan; 2],
         reflect_tint: SpectrumPlan,
         transmit_tint: SpectrumPlan,
     },
@@ -189,6 +313,8 @@ pub struct FramePlan {
     pub name: String,
     /// Where it is named.
     pub at: Span,
+    /// Its kind (OBJ or PLY).
+    pub kind: ModelKind,
 }
 
 /// The canonical shape (see `geometry::Shape`).
@@ -269,7 +395,24 @@ pub enum LightKind {
         irradiance: SpectrumPlan,
     },
     /// W/(m² sr nm).
-    Environment { radiance: SpectrumPlan },
+    Environment {
+        /// `None`: white of Y = 1.
+        radiance: Option<SpectrumPlan>,
+        image: Option<ImagePlan>,
+    },
+}
+
+/// An image around the scene.
+#[derive(Clone, Debug)]
+pub struct ImagePlan {
+    /// The file, canonical; `None`: the studio that is built in.
+    pub path: Option<PathBuf>,
+    /// As written.
+    pub name: String,
+    /// Where it is named.
+    pub at: Span,
+    /// From its own directions to the world.
+    pub to_world: DMat3,
 }
 
 /// A sensor.

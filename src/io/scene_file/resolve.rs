@@ -1,10 +1,13 @@
 //! From a checked [`Plan`] to the renderer's own types: library names are looked up, meshes read. One small function per
 //! kind of thing.
 
+mod material;
+mod model;
+
 use super::document::Source;
 use super::error::{Problem, SceneFileError, SceneFileErrors};
 use super::plan::{
-    AbsorptionPlan, FramePlan, IorPlan, LightKind, LightPlan, LobePlan, MediumPlan, MeshPlan,
+    AbsorptionPlan, FramePlan, IorPlan, LightKind, LightPlan, MaterialPlan, MediumPlan, MeshPlan,
     ObjectPlan, Plan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
 };
 use super::schema::FilterName;
@@ -12,16 +15,17 @@ use crate::camera::detector::Detector;
 use crate::camera::orthographic::Orthographic;
 use crate::camera::perspective::{Perspective, ThinLens};
 use crate::camera::{Camera, Resolution};
-use crate::film::Filter;
+use crate::film::Filter as FilmFilter;
 use crate::geometry::{Link, Shape, Shutter, Transform};
-use crate::io::obj;
+use crate::io::model::ModelKind;
+use crate::io::{obj, ply};
 use crate::light::Light;
 use crate::light::beam::BeamLight;
 use crate::light::directional::DirectionalLight;
 use crate::light::environment::EnvironmentLight;
 use crate::light::point::PointLight;
 use crate::light::spot::SpotLight;
-use crate::material::{LobeSpec, Material, MaterialId};
+use crate::material::MaterialId;
 use crate::medium::{Boundary, Medium, MediumId};
 use crate::scene::description::{
     AreaEmission, LightDescription, ObjectDescription, SceneDescription, SensorDescription,
@@ -29,22 +33,32 @@ use crate::scene::description::{
 use crate::spectrum::emission::Line;
 use crate::spectrum::library::{Library, LibraryError};
 use crate::spectrum::{Curve, Emission, Ior, upsample};
+use crate::texture::{Image, SpectrumTexture};
 use glam::{DAffine3, DMat3};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Builds the description.
+/// Builds the description; also gives what the models say of themselves.
 ///
 /// # Errors
 /// Unknown library names, indices without data, meshes that cannot be read or are not closed where they must be.
 pub fn resolve(
-    plan: Plan,
+    plan: &Plan,
     hash: u64,
     source: &Source,
-) -> Result<SceneDescription, SceneFileErrors> {
+) -> Result<(SceneDescription, Vec<String>), SceneFileErrors> {
     let mut resolver = Resolver {
         library: Library::embedded(),
         source,
         range_nm: plan.wavelengths.range_nm,
+        images: BTreeMap::new(),
+        textured: plan
+            .materials
+            .iter()
+            .map(MaterialPlan::texture_at)
+            .collect(),
+        notes: Vec::new(),
         shutter: plan
             .sensors
             .iter()
@@ -55,7 +69,7 @@ pub fn resolve(
     };
     let description = resolver.scene(plan, hash);
     match SceneFileErrors::from_unsorted(resolver.errors) {
-        None => Ok(description),
+        None => Ok((description, resolver.notes)),
         Some(errors) => Err(errors),
     }
 }
@@ -65,6 +79,12 @@ struct Resolver<'a> {
     library: &'static Library,
     source: &'a Source,
     range_nm: [f64; 2],
+    /// By file, encoding and whether with a pyramid; `None` where it cannot be read, which has been reported.
+    images: BTreeMap<(PathBuf, bool, bool), Option<Arc<Image>>>,
+    /// A place where each material names a texture, if it does.
+    textured: Vec<Option<Span>>,
+    /// What models say of themselves.
+    notes: Vec<String>,
     /// From the first sensor to open to the last to close.
     shutter: Shutter,
     errors: Vec<SceneFileError>,
@@ -75,15 +95,11 @@ impl Resolver<'_> {
         self.errors.push(self.source.error(at, problem));
     }
 
-    fn scene(&mut self, plan: Plan, hash: u64) -> SceneDescription {
+    fn scene(&mut self, plan: &Plan, hash: u64) -> SceneDescription {
         let meshes: Vec<Option<Shape>> = plan.meshes.iter().map(|m| self.mesh(m)).collect();
-        SceneDescription {
+        let mut scene = SceneDescription {
             media: plan.media.iter().map(|m| self.medium(m)).collect(),
-            materials: plan
-                .materials
-                .iter()
-                .map(|lobes| self.material(lobes))
-                .collect(),
+            materials: plan.materials.iter().map(|m| self.material(m)).collect(),
             objects: plan
                 .objects
                 .iter()
@@ -91,10 +107,22 @@ impl Resolver<'_> {
                 .collect(),
             lights: plan.lights.iter().map(|l| self.light(l)).collect(),
             sensors: plan.sensors.iter().map(|s| self.sensor(s)).collect(),
-            wavelengths: plan.wavelengths,
+            wavelengths: plan.wavelengths.clone(),
             ambient: MediumId::AMBIENT,
             hash,
-        }
+        };
+        self.models(plan, &mut scene);
+        scene
+    }
+
+    fn bad_file(&mut self, at: &Span, name: &str, message: String) {
+        self.error(
+            at,
+            Problem::BadFile {
+                path: name.to_owned(),
+                message,
+            },
+        );
     }
 
     fn unknown(&mut self, at: &Span, error: LibraryError) {
@@ -131,7 +159,7 @@ impl Resolver<'_> {
                 scale: 1.0,
             },
             // rejected when the file was checked
-            SpectrumSource::Lines(_) => Curve::Constant(0.0),
+            SpectrumSource::Lines(_) | SpectrumSource::Texture(_) => Curve::Constant(0.0),
         };
         match (curve, plan.scale) {
             (Curve::Constant(value), scale) => Curve::Constant(value * scale),
@@ -265,54 +293,20 @@ impl Resolver<'_> {
         }
     }
 
-    fn material(&mut self, lobes: &[(f64, LobePlan)]) -> Material {
-        Material {
-            lobes: lobes
-                .iter()
-                .map(|(weight, lobe)| (*weight, self.lobe(lobe)))
-                .collect(),
-        }
-    }
-
-    fn lobe(&mut self, plan: &LobePlan) -> LobeSpec {
-        match plan {
-            LobePlan::Diffuse { reflectance } => LobeSpec::Diffuse {
-                reflectance: self.reflectance(reflectance),
-            },
-            LobePlan::Mirror { reflectance } => LobeSpec::Mirror {
-                reflectance: self.reflectance(reflectance),
-            },
-            LobePlan::Conductor { ior, alpha, tint } => LobeSpec::Conductor {
-                ior: self.ior(ior, true),
-                alpha: *alpha,
-                tint: self.reflectance(tint),
-            },
-            LobePlan::Dielectric {
-                alpha,
-                reflect_tint,
-                transmit_tint,
-            } => LobeSpec::Dielectric {
-                alpha: *alpha,
-                reflect_tint: self.reflectance(reflect_tint),
-                transmit_tint: self.reflectance(transmit_tint),
-            },
-            LobePlan::Thin { ior, transmit_tint } => LobeSpec::Thin {
-                ior: self.ior(ior, false),
-                transmit_tint: self.reflectance(transmit_tint),
-            },
-        }
-    }
-
     fn mesh(&mut self, plan: &MeshPlan) -> Option<Shape> {
         let bad = |frame: &FramePlan, message: String| Problem::BadFile {
             path: frame.name.clone(),
             message,
         };
         if let [file] = plan.frames.as_slice() {
-            return match obj::load(&file.path) {
+            let read = match file.kind {
+                ModelKind::Ply => ply::load(&file.path),
+                _ => obj::load(&file.path).map_err(|e| e.to_string()),
+            };
+            return match read {
                 Ok(mesh) => Some(Shape::Mesh(Arc::new(mesh))),
-                Err(error) => {
-                    self.error(&file.at, bad(file, error.to_string()));
+                Err(message) => {
+                    self.error(&file.at, bad(file, message));
                     None
                 }
             };
@@ -354,13 +348,36 @@ impl Resolver<'_> {
                            through it in opposite directions)";
             self.error(at, Problem::Conflict(message.to_owned()));
         }
-        let emission = plan
-            .emission
-            .as_ref()
-            .map(|(spectrum, two_sided)| AreaEmission {
-                radiance: self.emission(spectrum),
+        if let Some(at) = self.textured_at(plan) {
+            let message = match &shape {
+                Shape::Mesh(mesh) if !mesh.has_texture_coordinates() => {
+                    Some("a texture on a mesh without texture coordinates")
+                }
+                Shape::Deforming(_) => Some("a texture on a mesh that changes its form"),
+                _ => None,
+            };
+            if let Some(message) = message {
+                self.error(&at, Problem::Conflict(message.to_owned()));
+            }
+        }
+        let emission = plan.emission.as_ref().map(|(spectrum, two_sided)| {
+            let (radiance, pattern) = match &spectrum.source {
+                SpectrumSource::Texture(texture) => {
+                    let white = Emission::from_rgb([spectrum.scale; 3]);
+                    let pattern = self.texture(texture).map(|texture| SpectrumTexture::Image {
+                        texture,
+                        factor: [1.0; 3],
+                    });
+                    (white, pattern)
+                }
+                _ => (self.emission(spectrum), None),
+            };
+            AreaEmission {
+                radiance,
+                pattern,
                 two_sided: *two_sided,
-            });
+            }
+        });
         Some(ObjectDescription {
             name: plan.name.clone(),
             shape,
@@ -369,6 +386,15 @@ impl Resolver<'_> {
             boundary: plan.boundary,
             emission,
         })
+    }
+
+    /// Where the object has a texture, if it has one.
+    fn textured_at(&self, plan: &ObjectPlan) -> Option<Span> {
+        let emission = plan.emission.as_ref().map(|e| &e.0.source);
+        if let Some(SpectrumSource::Texture(texture)) = emission {
+            return Some(texture.at.clone());
+        }
+        self.textured.get(plan.material as usize).cloned().flatten()
     }
 
     fn light(&mut self, plan: &LightPlan) -> LightDescription {
@@ -407,9 +433,16 @@ impl Resolver<'_> {
                 self.emission(irradiance),
                 *radius_m,
             )),
-            LightKind::Environment { radiance } => Light::Environment(EnvironmentLight {
-                radiance: self.emission(radiance),
-            }),
+            LightKind::Environment { radiance, image } => {
+                let radiance = match radiance {
+                    Some(radiance) => self.emission(radiance),
+                    None => Emission::from_rgb([1.0; 3]),
+                };
+                match image {
+                    None => Light::Environment(EnvironmentLight::uniform(radiance)),
+                    Some(image) => self.environment(radiance, image),
+                }
+            }
         };
         let light = if plan.motion.is_empty() {
             light
@@ -503,23 +536,28 @@ fn sensor(plan: &SensorPlan) -> SensorDescription {
             Camera::Detector(detector)
         }
     };
-    let filter = match (plan.filter, plan.filter_radius, &camera) {
-        (None | Some(FilterName::Box), _, Camera::Detector(_)) | (Some(FilterName::Box), _, _) => {
-            Filter::Box
-        }
-        (Some(FilterName::Tent), radius, _) => Filter::Tent {
-            radius: radius.unwrap_or(1.0),
-        },
-        (_, None, _) => Filter::default(),
-        (_, Some(radius), _) => Filter::Gaussian {
-            sigma: radius / 3.0,
-            radius,
-        },
-    };
+    let is_detector = matches!(camera, Camera::Detector(_));
+    let filter = film_filter(plan.filter, plan.filter_radius, is_detector);
     SensorDescription {
         name: plan.name.clone(),
         camera,
         filter,
         shutter: plan.shutter,
+    }
+}
+
+/// The filter of a sensor: what is named, else the default of its kind.
+fn film_filter(name: Option<FilterName>, radius: Option<f64>, is_detector: bool) -> FilmFilter {
+    match (name, radius) {
+        (Some(FilterName::Box), _) => FilmFilter::Box,
+        (None, _) if is_detector => FilmFilter::Box,
+        (Some(FilterName::Tent), radius) => FilmFilter::Tent {
+            radius: radius.unwrap_or(1.0),
+        },
+        (_, None) => FilmFilter::default(),
+        (_, Some(radius)) => FilmFilter::Gaussian {
+            sigma: radius / 3.0,
+            radius,
+        },
     }
 }

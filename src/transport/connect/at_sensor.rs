@@ -124,11 +124,18 @@ impl Joiner<'_> {
         };
         let toward = connection.toward;
         let normal = light.origin.n;
+        let uv = if self.light(id).has_pattern() {
+            scene
+                .accel
+                .texture_coordinates(surface, light.origin.p, self.context.time)
+        } else {
+            DVec2::ZERO
+        };
         let point = SurfacePoint {
             p: light.origin.p,
             ng: normal,
             ns: normal,
-            uv: DVec2::ZERO,
+            uv,
             id: surface,
         };
         let radiance = self

@@ -6,11 +6,14 @@ mod optics;
 mod render;
 mod sensor;
 mod spectrum;
+mod texture;
 
 use super::document::Source;
 use super::error::{Problem, SceneFileError};
 use super::files;
-use super::plan::{IorPlan, LightPlan, MediumPlan, MeshPlan, Plan, Span, SpectrumPlan};
+use super::plan::{
+    IorPlan, LightPlan, MaterialPlan, MediumPlan, MeshPlan, Plan, Span, SpectrumPlan,
+};
 use super::schema::{At, Named, SceneFile};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -104,8 +107,13 @@ impl Checker<'_> {
         let media = self.media(file.ambient.as_ref(), &file.medium);
         let medium_ids: Vec<&str> = media.iter().map(|m| m.name.as_str()).collect();
         let mut materials: Vec<_> = file.material.values().map(|m| self.material(m)).collect();
-        materials.push(Vec::new());
+        materials.push(MaterialPlan::default());
         let mesh_ids = self.named_meshes(&file.mesh);
+        let models: Vec<_> = file
+            .model
+            .iter()
+            .filter_map(|m| self.model(m, &file.render))
+            .collect();
         let objects = self.objects(
             &file.object,
             &file.material,
@@ -119,12 +127,18 @@ impl Checker<'_> {
             .enumerate()
             .filter_map(|(i, l)| self.light(i, l))
             .collect();
-        let sensors = self.sensors(&file.sensor, &file.render);
+        // a scene with models takes their cameras, or one that sees them
+        let sensors = if file.sensor.is_empty() && !file.model.is_empty() {
+            Vec::new()
+        } else {
+            self.sensors(&file.sensor, &file.render)
+        };
         self.still_motion(&objects, &lights, &sensors);
         Plan {
             media,
             materials,
             meshes: std::mem::take(&mut self.meshes),
+            models,
             objects,
             lights,
             sensors,

@@ -2,19 +2,25 @@
 
 use super::super::files::MAX_OBJ_BYTES;
 use super::super::plan::{
-    FramePlan, LightKind, LightPlan, LobePlan, MeshPlan, ObjectPlan, ShapePlan, Span,
+    FramePlan, ImagePlan, LightKind, LightPlan, LobePlan, MaterialPlan, MeshPlan, ModelPlan,
+    ObjectPlan, ShapePlan, Span,
 };
 use super::super::schema::{
-    At, Light, Material, Mesh, NameOr, Named, Object, Quad, Scale, TransformStep,
+    At, Environment, Light, Material, Mesh, Model, NameOr, Named, Object, Quad, Render, Scale,
+    TransformStep,
 };
 use super::motion::May;
 use super::spectrum::Use;
 use super::{Allowed, Checker, FINITE, NON_NEGATIVE, POSITIVE, label};
+use crate::io::image_file::MAX_IMAGE_BYTES;
+use crate::io::model::{MAX_MODEL_BYTES, ModelKind};
 use crate::medium::{Boundary, MediumId};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+/// The image of an environment that is built in.
+const STUDIO: &str = "builtin:studio";
 const HALF_ANGLE: Allowed = Allowed {
     text: "above 0, at most 180 degrees",
     test: |v| v > 0.0 && v <= 180.0,
@@ -22,7 +28,7 @@ const HALF_ANGLE: Allowed = Allowed {
 /// Most frames of a mesh.
 const MAX_FRAMES: usize = 1024;
 /// Material without lobes: the last one of the plan.
-type Materials = [Vec<(f64, LobePlan)>];
+type Materials = [MaterialPlan];
 
 impl Checker<'_> {
     /// `[mesh.NAME]` and the index of its file in the plan.
@@ -38,9 +44,10 @@ impl Checker<'_> {
 
     /// The index of a mesh: the same one is read once.
     fn mesh(&mut self, mesh: &Mesh, at: &Span) -> Option<usize> {
-        let frames = match (&mesh.obj, &mesh.frames) {
-            (Some(obj), None) => vec![self.mesh_file(0.0, obj)?],
-            (None, Some(frames)) => {
+        let frames = match (&mesh.obj, &mesh.ply, &mesh.frames) {
+            (Some(obj), None, None) => vec![self.mesh_file(0.0, obj, ModelKind::Obj)?],
+            (None, Some(ply), None) => vec![self.mesh_file(0.0, ply, ModelKind::Ply)?],
+            (None, None, Some(frames)) => {
                 let given = frames.get_ref();
                 if given.is_empty() || given.len() > MAX_FRAMES {
                     let message = format!("{} frames (allowed: 1 to {MAX_FRAMES})", given.len());
@@ -58,12 +65,12 @@ impl Checker<'_> {
                         );
                     }
                     last = time;
-                    plans.push(self.mesh_file(time, &frame.get_ref().obj));
+                    plans.push(self.mesh_file(time, &frame.get_ref().obj, ModelKind::Obj));
                 }
                 plans.into_iter().collect::<Option<Vec<FramePlan>>>()?
             }
             _ => {
-                self.conflict(at, "a mesh needs either obj or frames");
+                self.conflict(at, "a mesh needs one of obj, ply and frames");
                 return None;
             }
         };
@@ -81,12 +88,94 @@ impl Checker<'_> {
         }))
     }
 
-    fn mesh_file(&mut self, time_s: f64, obj: &At<String>) -> Option<FramePlan> {
+    /// A file of another program.
+    pub(super) fn model(&mut self, model: &At<Model>, render: &Render) -> Option<ModelPlan> {
+        let (m, at) = (model.get_ref(), model.span());
+        let files = [
+            ("gltf", &m.gltf, ModelKind::Gltf, 1.0),
+            ("obj", &m.obj, ModelKind::Obj, self.unit_m),
+            ("ply", &m.ply, ModelKind::Ply, self.unit_m),
+        ];
+        let choices: Vec<(&str, bool)> = files.iter().map(|f| (f.0, f.1.is_some())).collect();
+        let chosen = self.exactly_one(&at, "model", &choices)?;
+        let (_, file, kind, unit_m) = files[chosen];
+        let file = file.as_ref()?;
+        let path = self.file(file, MAX_MODEL_BYTES)?;
+        let to_world = self.transform(&m.transform) * DAffine3::from_scale(DVec3::splat(unit_m));
+        let volume = to_world.matrix3.determinant().abs();
+        if volume.is_nan() || volume < f64::MIN_POSITIVE {
+            self.conflict(
+                &at,
+                "the model has no volume after its transform (allowed: an invertible transform)",
+            );
+        }
+        let resolution = m.resolution.as_ref().map_or([640, 480], |r| {
+            let [w, h] = *r.get_ref();
+            let side = |c: &mut Self, v: i64| {
+                c.integer("resolution", &At::new(r.span(), v), 1, 16384, "1 to 16384") as u32
+            };
+            [side(self, w), side(self, h)]
+        });
+        Some(ModelPlan {
+            path,
+            name: file.get_ref().clone(),
+            at: file.span(),
+            kind,
+            to_world,
+            resolution,
+            filter: (
+                render.filter,
+                render.filter_radius.as_ref().map(|r| *r.get_ref()),
+            ),
+            lights: m.lights.unwrap_or(true),
+        })
+    }
+
+    fn environment(&mut self, environment: &At<Environment>) -> LightKind {
+        let e = environment.get_ref();
+        let radiance = e
+            .radiance
+            .as_ref()
+            .map(|r| self.spectrum("radiance", r, Use::Emission));
+        if radiance.is_none() && e.image.is_none() {
+            self.conflict(
+                &environment.span(),
+                "environment needs radiance, image or both",
+            );
+        }
+        if let (Some(turn), None) = (&e.euler_deg, &e.image) {
+            self.conflict(
+                &turn.span(),
+                "euler_deg is for environments with an image only",
+            );
+        }
+        let image = e.image.as_ref().and_then(|image| {
+            let path = if image.get_ref() == STUDIO {
+                None
+            } else {
+                Some(self.file(image, MAX_IMAGE_BYTES)?)
+            };
+            let turn = e
+                .euler_deg
+                .as_ref()
+                .map_or(DVec3::ZERO, |t| self.vector("euler_deg", t));
+            Some(ImagePlan {
+                path,
+                name: image.get_ref().clone(),
+                at: image.span(),
+                to_world: euler(turn),
+            })
+        });
+        LightKind::Environment { radiance, image }
+    }
+
+    fn mesh_file(&mut self, time_s: f64, file: &At<String>, kind: ModelKind) -> Option<FramePlan> {
         Some(FramePlan {
             time_s,
-            path: self.file(obj, MAX_OBJ_BYTES)?,
-            name: obj.get_ref().clone(),
-            at: obj.span(),
+            path: self.file(file, MAX_OBJ_BYTES)?,
+            name: file.get_ref().clone(),
+            at: file.span(),
+            kind,
         })
     }
 
@@ -134,7 +223,7 @@ impl Checker<'_> {
             self.closedness(o, shape.map(|s| s.0), &materials[material], boundary);
             let emission = o.emission.as_ref().map(|e| {
                 (
-                    self.spectrum("emission", e, Use::Emission),
+                    self.spectrum("emission", e, Use::SurfaceEmission),
                     o.two_sided.as_ref().is_some_and(|t| *t.get_ref()),
                 )
             });
@@ -143,6 +232,17 @@ impl Checker<'_> {
                     &two_sided.span(),
                     "two_sided is for objects with emission only",
                 );
+            }
+            if let (Some(name), Some(_), true) = (
+                &o.material,
+                &materials[material].coverage,
+                o.emission.is_some() || boundary != Boundary::None,
+            ) {
+                let message = format!(
+                    "material \"{}\" has a coverage, which objects with emission, interior or interface cannot have",
+                    name.get_ref()
+                );
+                self.conflict(&name.span(), message);
             }
             let Some((shape, local)) = shape else {
                 continue;
@@ -323,12 +423,7 @@ impl Checker<'_> {
                 }
                 TransformStep::EulerDeg(e) => {
                     finite(&e);
-                    let [x, y, z] = e.map(f64::to_radians);
-                    DAffine3::from_mat3(
-                        DMat3::from_rotation_z(z)
-                            * DMat3::from_rotation_y(y)
-                            * DMat3::from_rotation_x(x),
-                    )
+                    DAffine3::from_mat3(euler(DVec3::from_array(e)))
                 }
                 TransformStep::Scale(s) => {
                     let s = match s {
@@ -397,7 +492,7 @@ impl Checker<'_> {
         &mut self,
         o: &Object,
         shape: Option<ShapePlan>,
-        material: &[(f64, LobePlan)],
+        material: &MaterialPlan,
         boundary: Boundary,
     ) {
         let open = matches!(
@@ -411,6 +506,7 @@ impl Checker<'_> {
             );
         }
         let needs_media = material
+            .lobes
             .iter()
             .any(|(_, lobe)| matches!(lobe, LobePlan::Dielectric { .. }));
         if let (Some(name), true, Boundary::None) = (&o.material, needs_media, boundary)
@@ -472,10 +568,7 @@ impl Checker<'_> {
                 irradiance: self.spectrum("irradiance", &b.irradiance, Use::Emission),
             }
         } else {
-            let environment = l.environment.as_ref()?.get_ref();
-            LightKind::Environment {
-                radiance: self.spectrum("radiance", &environment.radiance, Use::Emission),
-            }
+            self.environment(l.environment.as_ref()?)
         };
         if let (Some(motion), LightKind::Environment { .. }) = (l.motion.first(), &kind) {
             self.conflict(
@@ -486,6 +579,12 @@ impl Checker<'_> {
         let motion = self.motion(&l.motion, May::KeepSize);
         Some(LightPlan { name, motion, kind })
     }
+}
+
+/// The rotation about x, then y, then z, in degrees.
+fn euler(deg: DVec3) -> DMat3 {
+    let [x, y, z] = deg.to_array().map(f64::to_radians);
+    DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x)
 }
 
 fn placed(map: DMat3, center: DVec3) -> DAffine3 {

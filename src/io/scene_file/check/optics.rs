@@ -1,9 +1,12 @@
 //! Media and materials.
 
 use super::super::error::Problem;
-use super::super::plan::{AbsorptionPlan, IorPlan, LobePlan, MediumPlan, SpectrumPlan};
+use super::super::plan::{
+    AbsorptionPlan, IorPlan, LobePlan, MaterialPlan, MediumPlan, ScalarPlan, SpectrumPlan,
+};
 use super::super::schema::{
-    Absorption, At, Conductor, Dielectric, Diffuse, Material, Medium, Mirror, Roughness, Thin,
+    Absorption, At, Coated, Conductor, Dielectric, Diffuse, Encoding, Lobe, Material, Medium,
+    Mirror, Scalar, Thin,
 };
 use super::spectrum::Use;
 use super::{Allowed, Checker, FINITE, NON_NEGATIVE, POSITIVE, Span, UNIT_INTERVAL};
@@ -137,64 +140,101 @@ impl Checker<'_> {
         }
     }
 
-    pub(super) fn material(&mut self, material: &At<Material>) -> Vec<(f64, LobePlan)> {
+    pub(super) fn material(&mut self, material: &At<Material>) -> MaterialPlan {
         let at = material.span();
-        let Material {
-            diffuse,
-            mirror,
-            conductor,
-            dielectric,
-            thin,
-            mix,
-        } = material.get_ref();
-        let Some(mix) = mix else {
-            let lobe = self.lobe(
-                &at,
-                "material",
-                diffuse.as_ref(),
-                mirror.as_ref(),
-                conductor.as_ref(),
-                dielectric.as_ref(),
-                thin.as_ref(),
-            );
-            return lobe.map(|l| (1.0, l)).into_iter().collect();
+        let m = material.get_ref();
+        let mut plan = MaterialPlan {
+            lobes: self.lobes(m, &at),
+            ..MaterialPlan::default()
         };
-        if diffuse.is_some()
-            || mirror.is_some()
-            || conductor.is_some()
-            || dielectric.is_some()
-            || thin.is_some()
-        {
+        if let Some(normal) = &m.normal {
+            let scale = normal
+                .get_ref()
+                .scale
+                .as_ref()
+                .map_or(1.0, |s| self.number("scale", s, FINITE));
+            let texture = self.texture(&normal.get_ref().texture, Encoding::Linear);
+            plan.normal = texture.map(|t| (t, scale));
+        }
+        let cutoff = m
+            .cutoff
+            .as_ref()
+            .map(|c| self.number("cutoff", c, UNIT_INTERVAL));
+        match (&m.coverage, &m.cutoff) {
+            (Some(coverage), _) => {
+                plan.coverage = Some((self.scalar("coverage", coverage, UNIT_INTERVAL), cutoff));
+            }
+            (None, Some(cutoff)) => {
+                self.conflict(&cutoff.span(), "cutoff is for materials with coverage only");
+            }
+            (None, None) => {}
+        }
+        plan
+    }
+
+    fn lobes(&mut self, m: &Material, at: &Span) -> Vec<(ScalarPlan, LobePlan)> {
+        let lobe = LobeKeys {
+            diffuse: m.diffuse.as_ref(),
+            mirror: m.mirror.as_ref(),
+            conductor: m.conductor.as_ref(),
+            dielectric: m.dielectric.as_ref(),
+            thin: m.thin.as_ref(),
+            coated: m.coated.as_ref(),
+        };
+        let Some(mix) = &m.mix else {
+            let lobe = self.lobe(at, "material", &lobe);
+            return lobe
+                .map(|l| (ScalarPlan::Constant(1.0), l))
+                .into_iter()
+                .collect();
+        };
+        if lobe.given().iter().any(|g| g.1) {
             self.conflict(
-                &at,
+                at,
                 "a material is either mix or a single lobe (put every lobe into mix)",
             );
         }
-        if mix.get_ref().len() > MAX_LOBES {
+        // the layer of a coat is a lobe of its own
+        let count: usize = mix
+            .get_ref()
+            .iter()
+            .map(|l| 1 + usize::from(l.get_ref().coated.is_some()))
+            .sum();
+        if count > MAX_LOBES {
             self.conflict(
                 &mix.span(),
-                format!(
-                    "mix has {} lobes (allowed: at most {MAX_LOBES})",
-                    mix.get_ref().len()
-                ),
+                format!("mix has {count} lobes (allowed: at most {MAX_LOBES})"),
             );
         }
         let mut lobes = Vec::new();
         for entry in mix.get_ref() {
-            let l = entry.get_ref();
-            let weight = self.number("weight", &l.weight, UNIT_INTERVAL);
-            let lobe = self.lobe(
-                &entry.span(),
-                "lobe",
-                l.diffuse.as_ref(),
-                l.mirror.as_ref(),
-                l.conductor.as_ref(),
-                l.dielectric.as_ref(),
-                l.thin.as_ref(),
-            );
+            let l: &Lobe = entry.get_ref();
+            let weight = self.scalar("weight", &l.weight, UNIT_INTERVAL);
+            let keys = LobeKeys {
+                diffuse: l.diffuse.as_ref(),
+                mirror: l.mirror.as_ref(),
+                conductor: l.conductor.as_ref(),
+                dielectric: l.dielectric.as_ref(),
+                thin: l.thin.as_ref(),
+                coated: l.coated.as_ref(),
+            };
+            let lobe = self.lobe(&entry.span(), "lobe", &keys);
             lobes.extend(lobe.map(|lobe| (weight, lobe)));
         }
-        let sum: f64 = lobes.iter().map(|l| l.0).sum();
+        let has = |kind: fn(&LobePlan) -> bool| lobes.iter().any(|(_, lobe)| kind(lobe));
+        if has(|l| matches!(l, LobePlan::Thin { .. }))
+            && has(|l| matches!(l, LobePlan::Dielectric { .. }))
+        {
+            self.conflict(
+                &mix.span(),
+                "thin and dielectric do not mix: one passes light straight, the other bends it",
+            );
+        }
+        let largest = |weight: &ScalarPlan| match weight {
+            ScalarPlan::Constant(w) => *w,
+            ScalarPlan::Image { factor, .. } => *factor,
+        };
+        let sum: f64 = lobes.iter().map(|l| largest(&l.0)).sum();
         if sum > 1.0 + 1e-9 {
             let what = "the sum of the weights".to_owned();
             self.error(
@@ -209,38 +249,21 @@ impl Checker<'_> {
         lobes
     }
 
-    #[expect(clippy::too_many_arguments, reason = "one per kind of lobe")]
-    fn lobe(
-        &mut self,
-        at: &Span,
-        owner: &str,
-        diffuse: Option<&At<Diffuse>>,
-        mirror: Option<&At<Mirror>>,
-        conductor: Option<&At<Conductor>>,
-        dielectric: Option<&At<Dielectric>>,
-        thin: Option<&At<Thin>>,
-    ) -> Option<LobePlan> {
-        let choices = [
-            ("diffuse", diffuse.is_some()),
-            ("mirror", mirror.is_some()),
-            ("conductor", conductor.is_some()),
-            ("dielectric", dielectric.is_some()),
-            ("thin", thin.is_some()),
-        ];
-        self.exactly_one(at, owner, &choices)?;
-        if let Some(d) = diffuse {
-            let reflectance = self.spectrum("reflectance", &d.get_ref().reflectance, Use::Fraction);
+    fn lobe(&mut self, at: &Span, owner: &str, keys: &LobeKeys) -> Option<LobePlan> {
+        self.exactly_one(at, owner, &keys.given())?;
+        if let Some(d) = keys.diffuse {
+            let reflectance = self.spectrum("reflectance", &d.get_ref().reflectance, Use::Surface);
             return Some(LobePlan::Diffuse { reflectance });
         }
-        if let Some(m) = mirror {
+        if let Some(m) = keys.mirror {
             return Some(LobePlan::Mirror {
                 reflectance: self.fraction("reflectance", m.get_ref().reflectance.as_ref()),
             });
         }
-        if let Some(c) = conductor {
+        if let Some(c) = keys.conductor {
             return self.conductor(c);
         }
-        if let Some(d) = dielectric {
+        if let Some(d) = keys.dielectric {
             let d = d.get_ref();
             return Some(LobePlan::Dielectric {
                 alpha: self.roughness(d.roughness.as_ref()),
@@ -248,26 +271,40 @@ impl Checker<'_> {
                 transmit_tint: self.fraction("transmit_tint", d.transmit_tint.as_ref()),
             });
         }
-        thin.and_then(|t| self.thin(t))
+        if let Some(c) = keys.coated {
+            let c: &Coated = c.get_ref();
+            return Some(LobePlan::Coated {
+                reflectance: self.spectrum("reflectance", &c.reflectance, Use::Surface),
+                index: c.ior.as_ref().map_or(1.5, |n| self.number("ior", n, INDEX)),
+                alpha: self.roughness(c.roughness.as_ref()),
+            });
+        }
+        keys.thin.and_then(|t| self.thin(t))
     }
 
     fn conductor(&mut self, conductor: &At<Conductor>) -> Option<LobePlan> {
         let c = conductor.get_ref();
         let alpha = self.roughness(c.roughness.as_ref());
+        if let (Some(color), None, None, None, None) = (&c.color, &c.metal, &c.eta, &c.k, &c.tint) {
+            return Some(LobePlan::ColoredMetal {
+                color: self.spectrum("color", color, Use::Surface),
+                alpha,
+            });
+        }
         let tint: SpectrumPlan = self.fraction("tint", c.tint.as_ref());
-        let ior = match (&c.metal, &c.eta, &c.k) {
-            (Some(metal), None, None) => IorPlan::Metal {
+        let ior = match (&c.metal, &c.eta, &c.k, &c.color) {
+            (Some(metal), None, None, None) => IorPlan::Metal {
                 name: metal.get_ref().clone(),
                 at: metal.span(),
             },
-            (None, Some(eta), Some(k)) => IorPlan::Constant {
+            (None, Some(eta), Some(k), None) => IorPlan::Constant {
                 n: self.number("eta", eta, POSITIVE),
                 k: self.number("k", k, NON_NEGATIVE),
             },
             _ => {
                 self.conflict(
                     &conductor.span(),
-                    "conductor needs either metal, or eta and k",
+                    "conductor needs either metal, or eta and k, or color (without tint)",
                 );
                 return None;
             }
@@ -299,17 +336,34 @@ impl Checker<'_> {
         })
     }
 
-    fn roughness(&mut self, roughness: Option<&At<Roughness>>) -> [f64; 2] {
-        let Some(roughness) = roughness else {
-            return [0.0; 2];
-        };
-        let alpha = match *roughness.get_ref() {
-            Roughness::Isotropic(a) => [a; 2],
-            Roughness::Anisotropic(a) => a,
-        };
-        for a in alpha {
-            self.number_at("roughness", a, &roughness.span(), UNIT_INTERVAL);
+    fn roughness(&mut self, roughness: Option<&At<Scalar>>) -> [ScalarPlan; 2] {
+        match roughness {
+            None => [ScalarPlan::Constant(0.0), ScalarPlan::Constant(0.0)],
+            Some(roughness) => self.scalars("roughness", roughness, UNIT_INTERVAL),
         }
-        alpha
+    }
+}
+
+/// The lobe keys of a material or of an entry of its mixture.
+struct LobeKeys<'a> {
+    diffuse: Option<&'a At<Diffuse>>,
+    mirror: Option<&'a At<Mirror>>,
+    conductor: Option<&'a At<Conductor>>,
+    dielectric: Option<&'a At<Dielectric>>,
+    thin: Option<&'a At<Thin>>,
+    coated: Option<&'a At<Coated>>,
+}
+
+impl LobeKeys<'_> {
+    /// Which are given, by name.
+    fn given(&self) -> [(&'static str, bool); 6] {
+        [
+            ("diffuse", self.diffuse.is_some()),
+            ("mirror", self.mirror.is_some()),
+            ("conductor", self.conductor.is_some()),
+            ("dielectric", self.dielectric.is_some()),
+            ("thin", self.thin.is_some()),
+            ("coated", self.coated.is_some()),
+        ]
     }
 }

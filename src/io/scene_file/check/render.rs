@@ -2,13 +2,13 @@
 
 use super::super::error::Problem;
 use super::super::schema::{
-    At, Epsilon, HeuristicName, IntegratorName, NameOr, RegularizeName, Render, SingleRuleName,
-    WavelengthName, WavelengthTable, Wavelengths,
+    At, Epsilon, HeuristicName, IntegratorName, NameOr, RegularizeName, Render, SharingName,
+    SingleRuleName, WavelengthName, WavelengthTable, Wavelengths,
 };
-use super::{Allowed, Checker};
+use super::{Allowed, Checker, POSITIVE};
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
 use crate::scene::settings::{
-    Heuristic, IntegratorKind, Regularization, Regularize, Settings, SingleRule,
+    Heuristic, IntegratorKind, Merging, Regularization, Regularize, Settings, Sharing, SingleRule,
 };
 
 const PROBABILITY: Allowed = Allowed {
@@ -38,6 +38,9 @@ impl Checker<'_> {
                 IntegratorName::Path => IntegratorKind::Path,
                 IntegratorName::Light => IntegratorKind::Light,
                 IntegratorName::Bdpt => IntegratorKind::Bdpt,
+                IntegratorName::Vcm => IntegratorKind::Vcm,
+                IntegratorName::Bpm => IntegratorKind::Bpm,
+                IntegratorName::Ppm => IntegratorKind::Ppm,
             }),
             spp: render.spp.as_ref().map_or(defaults.spp, |v| {
                 self.integer("spp", v, 1, i64::from(u32::MAX), "1 to 4294967295") as u32
@@ -69,6 +72,7 @@ impl Checker<'_> {
                     self.number("pair_probability", p, PROBABILITY)
                 }),
             regularization: self.regularization(render),
+            merging: self.merging(render),
             show_point_lights: render
                 .show_point_lights
                 .unwrap_or(defaults.show_point_lights),
@@ -124,6 +128,24 @@ impl Checker<'_> {
                     self.number("bias_weight", v, PROBABILITY)
                 }),
             bias_estimate: render.bias_estimate.unwrap_or(defaults.bias_estimate),
+        }
+    }
+
+    fn merging(&mut self, render: &Render) -> Merging {
+        let defaults = Merging::default();
+        Merging {
+            radius: render
+                .merge_radius
+                .as_ref()
+                .map(|r| self.length("merge_radius", r, POSITIVE)),
+            alpha: render.merge_alpha.as_ref().map_or(defaults.alpha, |a| {
+                self.number("merge_alpha", a, PROBABILITY)
+            }),
+            sharing: render.sharing.map_or(defaults.sharing, |s| match s {
+                SharingName::Hero => Sharing::Hero,
+                SharingName::Set => Sharing::Set,
+                SharingName::Stratified => Sharing::Stratified,
+            }),
         }
     }
 

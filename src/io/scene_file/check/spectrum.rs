@@ -2,14 +2,18 @@
 
 use super::super::error::Problem;
 use super::super::plan::{SpectrumPlan, SpectrumSource};
-use super::super::schema::{At, Spectrum, SpectrumTable};
+use super::super::schema::{At, Encoding, Spectrum, SpectrumTable};
 use super::{Checker, FINITE, NON_NEGATIVE, POSITIVE, Span};
 
 /// What a spectrum is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Use {
-    /// Within 0 and 1: a reflectance, a transmittance, a tint.
+    /// Within 0 and 1: a transmittance of a medium.
     Fraction,
+    /// Within 0 and 1, may be an image: a reflectance, a tint.
+    Surface,
+    /// As `Emission`, may be an image.
+    SurfaceEmission,
     /// Not negative, may have lines.
     Emission,
     /// Not negative, per metre.
@@ -43,7 +47,7 @@ impl Checker<'_> {
     pub(super) fn fraction(&mut self, what: &str, spectrum: Option<&At<Spectrum>>) -> SpectrumPlan {
         spectrum.map_or_else(
             || SpectrumPlan::constant(1.0),
-            |s| self.spectrum(what, s, Use::Fraction),
+            |s| self.spectrum(what, s, Use::Surface),
         )
     }
 
@@ -102,6 +106,7 @@ impl Checker<'_> {
             ("file", table.file.is_some()),
             ("blackbody_k", table.blackbody_k.is_some()),
             ("lines", table.lines.is_some()),
+            ("texture", table.texture.is_some()),
         ];
         self.exactly_one(at, "spectrum", &choices)?;
         if let Some(value) = &table.value {
@@ -145,6 +150,10 @@ impl Checker<'_> {
                 allowed,
             )));
         }
+        if let Some(texture) = &table.texture {
+            let plan = self.texture(texture, Encoding::Srgb)?;
+            return Some(SpectrumSource::Texture(Box::new(plan)));
+        }
         let lines = table.lines.as_ref()?;
         Some(SpectrumSource::Lines(self.lines(lines)))
     }
@@ -174,7 +183,20 @@ impl Checker<'_> {
     }
 
     fn check_use(&mut self, what: &str, plan: &SpectrumPlan, used_as: Use) {
-        if used_as == Use::Emission {
+        let is_texture = matches!(plan.source, SpectrumSource::Texture(_));
+        if is_texture && !matches!(used_as, Use::Surface | Use::SurfaceEmission) {
+            self.conflict(
+                &plan.at,
+                format!("{what} cannot be a texture (allowed on materials and on the emission of objects)"),
+            );
+        }
+        if is_texture && plan.luminance.is_some() {
+            self.conflict(
+                &plan.at,
+                "a texture has no luminance of its own (use scale)",
+            );
+        }
+        if matches!(used_as, Use::Emission | Use::SurfaceEmission) {
             return;
         }
         if matches!(
@@ -205,6 +227,8 @@ impl Checker<'_> {
             SpectrumSource::Constant(v) => *v,
             SpectrumSource::Rgb(rgb) => rgb.iter().copied().fold(0.0, f64::max),
             SpectrumSource::Table(rows) => rows.iter().map(|r| r[1]).fold(0.0, f64::max),
+            // texels reach 1
+            SpectrumSource::Texture(_) => 1.0,
             // known once the library is asked
             _ => 0.0,
         } * plan.scale;

@@ -8,18 +8,20 @@ mod optics;
 mod render;
 mod sensor;
 mod spectrum;
+mod texture;
 
 pub use motion::{InterpolationName, Motion, MotionKey};
-pub use object::{Light, Mesh, Object, Quad, Scale, TransformStep};
+pub use object::{Environment, Light, Mesh, Model, Object, Quad, Scale, TransformStep};
 pub use optics::{
-    Absorption, Conductor, Dielectric, Diffuse, Material, Medium, Mirror, Roughness, Thin,
+    Absorption, Coated, Conductor, Dielectric, Diffuse, Lobe, Material, Medium, Mirror, Thin,
 };
 pub use render::{
     Epsilon, FilterName, HeuristicName, IntegratorName, LengthUnit, OutputUnits, RegularizeName,
-    Render, SingleRuleName, WavelengthName, WavelengthTable, Wavelengths,
+    Render, SharingName, SingleRuleName, WavelengthName, WavelengthTable, Wavelengths,
 };
 pub use sensor::{Detector, Orthographic, Perspective, Sensor};
 pub use spectrum::{Spectrum, SpectrumTable};
+pub use texture::{ChannelName, Encoding, Scalar, TextureFilter, TextureSource, TextureWrap};
 
 use serde::Deserialize;
 use serde::de::value::MapAccessDeserializer;
@@ -51,6 +53,8 @@ pub struct SceneFile {
     pub material: Named<At<Material>>,
     #[serde(default)]
     pub mesh: Named<Mesh>,
+    #[serde(default)]
+    pub model: Vec<At<Model>>,
     #[serde(default)]
     pub object: Vec<At<Object>>,
     #[serde(default)]

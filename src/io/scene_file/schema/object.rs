@@ -10,7 +10,21 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
     pub obj: Option<At<String>>,
+    pub ply: Option<At<String>>,
     pub frames: Option<At<Vec<At<MeshFrame>>>>,
+}
+
+/// A file of another program with all it holds: exactly one of the first three keys.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Model {
+    pub gltf: Option<At<String>>,
+    pub obj: Option<At<String>>,
+    pub ply: Option<At<String>>,
+    #[serde(default)]
+    pub transform: Vec<At<TransformStep>>,
+    pub resolution: Option<At<[i64; 2]>>,
+    pub lights: Option<bool>,
 }
 
 /// The form of a mesh at one moment.
@@ -174,5 +188,7 @@ pub struct Beam {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Environment {
-    pub radiance: At<Spectrum>,
+    pub radiance: Option<At<Spectrum>>,
+    pub image: Option<At<String>>,
+    pub euler_deg: Option<At<[f64; 3]>>,
 }

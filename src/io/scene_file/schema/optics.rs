@@ -2,6 +2,7 @@
 
 use super::At;
 use super::spectrum::Spectrum;
+use super::texture::{Scalar, TextureSource};
 use serde::Deserialize;
 
 /// Exactly one of the first five keys gives the index.
@@ -37,6 +38,10 @@ pub struct Material {
     pub conductor: Option<At<Conductor>>,
     pub dielectric: Option<At<Dielectric>>,
     pub thin: Option<At<Thin>>,
+    pub coated: Option<At<Coated>>,
+    pub normal: Option<At<NormalMap>>,
+    pub coverage: Option<At<Scalar>>,
+    pub cutoff: Option<At<f64>>,
     pub mix: Option<At<Vec<At<Lobe>>>>,
 }
 
@@ -44,12 +49,30 @@ pub struct Material {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lobe {
-    pub weight: At<f64>,
+    pub weight: At<Scalar>,
     pub diffuse: Option<At<Diffuse>>,
     pub mirror: Option<At<Mirror>>,
     pub conductor: Option<At<Conductor>>,
     pub dielectric: Option<At<Dielectric>>,
     pub thin: Option<At<Thin>>,
+    pub coated: Option<At<Coated>>,
+}
+
+/// A diffuse base under a dielectric layer.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Coated {
+    pub reflectance: At<Spectrum>,
+    pub ior: Option<At<f64>>,
+    pub roughness: Option<At<Scalar>>,
+}
+
+/// A normal map: the image, and a factor on how far it bends.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NormalMap {
+    pub texture: At<TextureSource>,
+    pub scale: Option<At<f64>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -64,21 +87,22 @@ pub struct Mirror {
     pub reflectance: Option<At<Spectrum>>,
 }
 
-/// `metal`, or `eta` and `k`.
+/// `metal`, or `eta` and `k`, or `color`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Conductor {
     pub metal: Option<At<String>>,
     pub eta: Option<At<f64>>,
     pub k: Option<At<f64>>,
-    pub roughness: Option<At<Roughness>>,
+    pub color: Option<At<Spectrum>>,
+    pub roughness: Option<At<Scalar>>,
     pub tint: Option<At<Spectrum>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dielectric {
-    pub roughness: Option<At<Roughness>>,
+    pub roughness: Option<At<Scalar>>,
     pub reflect_tint: Option<At<Spectrum>>,
     pub transmit_tint: Option<At<Spectrum>>,
 }
@@ -90,12 +114,4 @@ pub struct Thin {
     pub ior: Option<At<f64>>,
     pub glass: Option<At<String>>,
     pub transmit_tint: Option<At<Spectrum>>,
-}
-
-/// GGX alpha.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(untagged, expecting = "expected a number or [x, y]")]
-pub enum Roughness {
-    Isotropic(f64),
-    Anisotropic([f64; 2]),
 }

@@ -51,6 +51,9 @@ pub struct Render {
     pub bias_weight: Option<At<f64>>,
     pub bias_estimate: Option<bool>,
     pub show_point_lights: Option<bool>,
+    pub merge_radius: Option<At<f64>>,
+    pub merge_alpha: Option<At<f64>>,
+    pub sharing: Option<SharingName>,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
@@ -105,6 +108,17 @@ pub enum IntegratorName {
     Path,
     Light,
     Bdpt,
+    Vcm,
+    Bpm,
+    Ppm,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SharingName {
+    Hero,
+    Set,
+    Stratified,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]

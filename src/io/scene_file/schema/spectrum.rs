@@ -1,6 +1,7 @@
 //! A spectrum, wherever one may stand: `0.5`, `[r, g, b]`, `"D65"`, or a table.
 
 use super::At;
+use super::texture::TextureSource;
 use serde::Deserialize;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
@@ -19,7 +20,7 @@ pub enum Spectrum {
     Table(std::boxed::Box<SpectrumTable>),
 }
 
-/// One source of a spectrum (exactly one of the first six keys) and its scale.
+/// One source of a spectrum (exactly one of the first seven keys) and its scale.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SpectrumTable {
@@ -29,6 +30,7 @@ pub struct SpectrumTable {
     pub file: Option<At<String>>,
     pub blackbody_k: Option<At<f64>>,
     pub lines: Option<At<Vec<[f64; 2]>>>,
+    pub texture: Option<At<TextureSource>>,
     pub scale: Option<At<f64>>,
     pub luminance: Option<At<f64>>,
 }

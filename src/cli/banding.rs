@@ -1,0 +1,434 @@
+//! `abbe banding`: what sharing wavelengths and times in a pass does, photon merging beside bidirectional path tracing.
+//!
+//! After figure 6 and table 1 of Bouchard, Iehl, Ostromoukhov and Poulin, "Improving Robustness of Monte-Carlo Global Illumination
+//! with Directional Regularization" (2013). All renders are without regularization and with the box filter, so that the errors of
+//! pixels are independent where paths are.
+
+use super::args::BandingOptions;
+use super::compare::{bands, bands_json};
+use super::load::{self, Loaded};
+use super::{CliError, Outcome, print};
+use crate::film::{Crop, SensorResponse};
+use crate::io::atomic::{check_writable, write_atomic};
+use crate::io::png;
+use crate::math::banding::Banding;
+use crate::math::image_error::image_error;
+use crate::render::{OutputRequest, Render, SharedWavelengths};
+use crate::spectrum::xyz::xyz_to_linear_srgb;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+use std::time::Instant;
+
+/// Pixels between the pictures of the comparison.
+const GAP: usize = 4;
+/// The film of the memory table.
+const FULL_HD: u64 = 1920 * 1080;
+/// Light vertices as other programs store them, in bytes, and what the paper's table 1 says of a film of 1920 x 1080.
+const OTHERS: [(&str, u64, f64); 2] = [("LuxRender", 250, 1900e6), ("SmallVCM", 120, 920e6)];
+
+/// One image.
+struct Shot {
+    method: &'static str,
+    passes: usize,
+    seconds: f64,
+    xyz: Vec<f64>,
+    shared: Option<SharedWavelengths>,
+}
+
+/// A shot and what was measured in it.
+struct Row {
+    shot: Shot,
+    bands: [Banding; 3],
+    rel_mse: f64,
+}
+
+/// What the photons of a film of 1920 x 1080 take.
+struct Memory {
+    bytes_per_vertex: u64,
+    vertices_per_path: f64,
+}
+
+/// What all renders of the comparison have in common.
+struct Study<'a> {
+    options: &'a BandingOptions,
+    sensor: usize,
+    crop: Crop,
+}
+
+/// Runs the command.
+pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
+    let json_path = options.output.with_extension("json");
+    let picture_path = options.output.with_extension("png");
+    for path in [&options.output, &json_path, &picture_path] {
+        check_writable(path)?;
+    }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(options.threads.map_or(0, usize::from))
+        .build();
+    let pool = pool.map_err(|e| CliError::Failed(format!("cannot start threads: {e}")))?;
+    let (rows, memory, crop) = pool.install(|| measure(options))?;
+    let size = picture(options, (&rows, crop), &picture_path)?;
+    let page = page(
+        options,
+        &rows,
+        &memory,
+        &std::fs::read(&picture_path).unwrap_or_default(),
+    );
+    write_atomic(&options.output, |w| w.write_all(page.as_bytes()))?;
+    let value = report_json(&rows, &memory);
+    write_atomic(&json_path, |w| writeln!(w, "{value:#}"))?;
+    if !options.quiet {
+        print(&table(&rows));
+        let (width, height) = size;
+        print(&format!(
+            "{}: table and picture of {width} x {height} pixels, also as {} and {}\n",
+            options.output.display(),
+            json_path.display(),
+            picture_path.display()
+        ));
+    }
+    Ok(Outcome::Done)
+}
+
+/// Renders everything and measures it.
+fn measure(options: &BandingOptions) -> Result<(Vec<Row>, Memory, Crop), CliError> {
+    let loaded = load_as(options, "bdpt", "hero", 0)?;
+    let sensor = match &options.sensor {
+        None => 0,
+        Some(name) => loaded
+            .scene
+            .sensor_index(name)
+            .ok_or_else(|| CliError::Usage(format!("unknown sensor \"{name}\"")))?,
+    };
+    let size = loaded.scene.sensors[sensor].camera.resolution();
+    let crop = Crop {
+        x0: 0,
+        y0: 0,
+        x1: size.width,
+        y1: size.height,
+    };
+    let study = Study {
+        options,
+        sensor,
+        crop,
+    };
+    let mut passes = options.passes.clone();
+    passes.sort_unstable();
+    passes.dedup();
+    let (merged, memory) = study.merging("vcm", "hero", &passes)?;
+    let (stratified, _) = study.merging("vcm, stratified passes", "stratified", &passes)?;
+    let (equal_passes, equal_time) = study.bdpt(&loaded, &passes, &merged);
+    // another seed: its errors must not be those of the images
+    let reference = load_as(options, "bdpt", "hero", 1)?;
+    let mut render = study.render(&reference);
+    (0..options.reference_passes).for_each(|pass| render.add_pass(pass));
+    let reference = image(&render);
+    let mut rows = Vec::new();
+    let shots = merged
+        .into_iter()
+        .zip(stratified)
+        .zip(equal_passes)
+        .zip(equal_time);
+    for shot in shots.flat_map(|(((a, b), c), d)| [a, b, c, d]) {
+        rows.push(study.row(shot, &reference)?);
+    }
+    Ok((rows, memory, crop))
+}
+
+/// The scene with the overrides of one method; `seed` is added to the scene's.
+fn load_as(
+    options: &BandingOptions,
+    integrator: &str,
+    sharing: &str,
+    seed: u64,
+) -> Result<Loaded, CliError> {
+    let fixed = [
+        ("render.integrator", integrator),
+        ("render.sharing", sharing),
+        ("render.regularize", "off"),
+        ("render.filter", "box"),
+    ];
+    let fixed = fixed.map(|(key, value)| (key.to_owned(), value.to_owned()));
+    let overrides: Vec<_> = options.overrides.set.iter().cloned().chain(fixed).collect();
+    let mut loaded = load::load(&options.scene, &overrides)?;
+    loaded.settings.seed = loaded.settings.seed.wrapping_add(seed);
+    Ok(loaded)
+}
+
+fn image(render: &Render) -> Vec<f64> {
+    render.outputs().image.image(render.passes().len() as u64)
+}
+
+impl Study<'_> {
+    fn render<'a>(&self, loaded: &'a Loaded) -> Render<'a> {
+        let request = OutputRequest {
+            response: SensorResponse::Xyz,
+            ..OutputRequest::default()
+        };
+        Render::new(
+            &loaded.scene,
+            self.sensor,
+            &loaded.settings,
+            self.crop,
+            &request,
+        )
+    }
+
+    /// Images with merging after each number of passes, ascending.
+    fn merging(
+        &self,
+        method: &'static str,
+        sharing: &str,
+        passes: &[u32],
+    ) -> Result<(Vec<Shot>, Memory), CliError> {
+        let loaded = load_as(self.options, "vcm", sharing, 0)?;
+        let mut render = self.render(&loaded);
+        let start = Instant::now();
+        let mut shots = Vec::new();
+        for pass in 0..passes.last().copied().unwrap_or(0) {
+            render.add_pass(pass);
+            if passes.contains(&(pass + 1)) {
+                shots.push(Shot {
+                    method,
+                    passes: pass as usize + 1,
+                    seconds: start.elapsed().as_secs_f64(),
+                    xyz: image(&render),
+                    shared: render.shared_wavelengths(),
+                });
+            }
+        }
+        let counters = render.counters();
+        let memory = Memory {
+            bytes_per_vertex: render.photon_memory().map_or(0, |m| m.bytes_per_vertex),
+            vertices_per_path: counters.photons as f64 / counters.paths.max(1) as f64,
+        };
+        Ok((shots, memory))
+    }
+
+    /// Images without merging: after the same passes, and after the same time.
+    fn bdpt(&self, loaded: &Loaded, passes: &[u32], merged: &[Shot]) -> (Vec<Shot>, Vec<Shot>) {
+        let mut render = self.render(loaded);
+        let start = Instant::now();
+        let (mut by_passes, mut by_time) = (Vec::new(), Vec::new());
+        let mut pass = 0;
+        while by_passes.len() < passes.len() || by_time.len() < merged.len() {
+            render.add_pass(pass);
+            pass += 1;
+            let seconds = start.elapsed().as_secs_f64();
+            let shot = |method| Shot {
+                method,
+                passes: pass as usize,
+                seconds,
+                xyz: image(&render),
+                shared: None,
+            };
+            if passes.contains(&pass) {
+                by_passes.push(shot("bdpt, as many passes"));
+            }
+            while merged
+                .get(by_time.len())
+                .is_some_and(|m| m.seconds <= seconds)
+            {
+                by_time.push(shot("bdpt, as much time"));
+            }
+        }
+        (by_passes, by_time)
+    }
+
+    fn row(&self, shot: Shot, reference: &[f64]) -> Result<Row, CliError> {
+        let size = (self.crop.width(), self.crop.height());
+        let bands = bands(&shot.xyz, Some(reference), size, &self.options.lines)?;
+        let y = |xyz: &[f64]| -> Vec<f64> { xyz.iter().skip(1).step_by(3).copied().collect() };
+        let error = image_error(&y(&shot.xyz), &y(reference), size.0 as usize);
+        Ok(Row {
+            shot,
+            bands,
+            rel_mse: error.rel_mse,
+        })
+    }
+}
+
+/// Writes the images side by side, one line for each number of passes, and returns the size of the picture.
+fn picture(
+    options: &BandingOptions,
+    (rows, crop): (&[Row], Crop),
+    path: &Path,
+) -> Result<(usize, usize), CliError> {
+    const COLUMNS: usize = 4;
+    let (w, h) = (crop.width() as usize, crop.height() as usize);
+    let width = COLUMNS * (w + GAP) - GAP;
+    let height = rows.len() / COLUMNS * (h + GAP) - GAP;
+    let mut xyz = vec![1.0; 3 * width * height];
+    for (i, row) in rows.iter().enumerate() {
+        let (left, top) = (i % COLUMNS * (w + GAP), i / COLUMNS * (h + GAP));
+        for (y, line) in row.shot.xyz.chunks(3 * w).enumerate() {
+            let to = 3 * ((top + y) * width + left);
+            xyz[to..to + 3 * w].copy_from_slice(line);
+        }
+    }
+    png::write_preview(
+        path,
+        width as u32,
+        height as u32,
+        &xyz,
+        options.exposure,
+        xyz_to_linear_srgb,
+    )?;
+    Ok((width, height))
+}
+
+fn distinct(shot: &Shot) -> (String, String) {
+    match shot.shared {
+        Some(shared) => (
+            shared.distinct.to_string(),
+            format!("{:.0}", shared.largest_gap_nm),
+        ),
+        None => ("one for each path".to_owned(), "-".to_owned()),
+    }
+}
+
+fn table(rows: &[Row]) -> String {
+    let mut text = format!(
+        "{:<24}{:>7}{:>9}{:>9}{:>9}{:>9}{:>12}{:>8}  wavelengths\n",
+        "", "passes", "s", "F of X", "F of Y", "F of Z", "coherent Y", "relMSE"
+    );
+    for row in rows {
+        let [x, y, z] = &row.bands;
+        _ = writeln!(
+            text,
+            "{:<24}{:>7}{:>9.2}{:>9.2}{:>9.2}{:>9.2}{:>12.4}{:>8.4}  {}",
+            row.shot.method,
+            row.shot.passes,
+            row.shot.seconds,
+            x.f_ratio,
+            y.f_ratio,
+            z.f_ratio,
+            y.coherent_rms,
+            row.rel_mse,
+            distinct(&row.shot).0,
+        );
+    }
+    text
+}
+
+fn report_json(rows: &[Row], memory: &Memory) -> Value {
+    let rows: Vec<Value> = rows
+        .iter()
+        .map(|row| {
+            json!({
+                "method": row.shot.method,
+                "passes": row.shot.passes,
+                "seconds": row.shot.seconds,
+                "banding": bands_json(&row.bands),
+                "rel_mse": row.rel_mse,
+                "distinct_wavelengths": row.shot.shared.map(|s| s.distinct),
+                "largest_gap_nm": row.shot.shared.map(|s| s.largest_gap_nm),
+            })
+        })
+        .collect();
+    json!({
+        "rows": rows,
+        "memory": {
+            "bytes_per_light_vertex": memory.bytes_per_vertex,
+            "light_vertices_per_path": memory.vertices_per_path,
+            "bytes_at_1920_x_1080": memory.at_full_hd(),
+        },
+    })
+}
+
+impl Memory {
+    fn at_full_hd(&self) -> f64 {
+        self.bytes_per_vertex as f64 * self.vertices_per_path * FULL_HD as f64
+    }
+}
+
+/// The page, which needs no other file.
+fn page(options: &BandingOptions, rows: &[Row], memory: &Memory, png: &[u8]) -> String {
+    let name = options
+        .scene
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy();
+    let name = name.replace('&', "&amp;").replace('<', "&lt;");
+    let mut body = String::new();
+    for row in rows {
+        let [x, y, z] = &row.bands;
+        let (count, gap) = distinct(&row.shot);
+        let share = y.participation.unwrap_or(f64::NAN);
+        _ = writeln!(
+            body,
+            "<tr><th>{}</th><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.4}</td><td>{share:.2}</td><td>{:.4}</td><td>{count}</td><td>{gap}</td></tr>",
+            row.shot.method,
+            row.shot.passes,
+            row.shot.seconds,
+            x.f_ratio,
+            y.f_ratio,
+            z.f_ratio,
+            y.coherent_rms,
+            row.rel_mse,
+        );
+    }
+    let mut table1 = String::new();
+    for (program, bytes, total) in OTHERS {
+        _ = writeln!(
+            table1,
+            "<tr><th>{program} (from the paper)</th><td>{bytes}</td><td></td><td>{:.0}</td></tr>",
+            total * 1e-6
+        );
+    }
+    _ = writeln!(
+        table1,
+        "<tr><th>abbe, vcm, this scene</th><td>{}</td><td>{:.2}</td><td>{:.0}</td></tr>\n<tr><th>abbe, bdpt</th><td>0</td><td></td><td>0</td></tr>",
+        memory.bytes_per_vertex,
+        memory.vertices_per_path,
+        memory.at_full_hd() * 1e-6
+    );
+    format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Banding: {name}</title>\n<style>body{{font-family:sans-serif;margin:2em;max-width:1500px}}table{{border-collapse:collapse}}td,th{{padding:.2em .7em;text-align:right;border-bottom:1px solid #ccc}}th{{font-weight:normal;text-align:left}}img{{max-width:100%;image-rendering:pixelated}}</style></head><body>\n<h1>Banding: {name}</h1>\n<p>Where photons are merged, all paths of a pass share wavelengths and time; errors are then the same all along a line of one color. Columns of the picture: vcm; vcm with the wavelengths of successive passes kept apart; bdpt with as many passes; bdpt in as much time. Lines: {passes} passes.</p>\n<img alt=\"comparison\" src=\"data:image/png;base64,{picture}\">\n<h2>Metrics</h2>\n<p>F-ratio: mean square error between lines of one color over that within; 1 for independent errors, above 2 there are bands. Coherent: the errors that whole lines share, relative to the mean. Participation: share of the lines that have their energy. The reference has {reference} passes of bdpt.</p>\n<table><tr><th></th><td>passes</td><td>seconds</td><td>F of X</td><td>F of Y</td><td>F of Z</td><td>coherent, Y</td><td>participation, Y</td><td>relMSE</td><td>wavelengths</td><td>largest gap, nm</td></tr>\n{body}</table>\n<h2>Memory of light vertices at 1920 x 1080</h2>\n<table><tr><th></th><td>bytes per vertex</td><td>vertices per light path</td><td>MB</td></tr>\n{table1}</table>\n</body></html>\n",
+        passes = options
+            .passes
+            .iter()
+            .map(u32::to_string)
+            .collect::<Vec<_>>()
+            .join(", "),
+        picture = base64(png),
+        reference = options.reference_passes,
+    )
+}
+
+/// Base64 (RFC 4648).
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let byte = |i: usize| u32::from(chunk.get(i).copied().unwrap_or(0));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for i in 0..4 {
+            text.push(if i <= chunk.len() {
+                char::from(DIGITS[(bits >> (18 - 6 * i)) as usize & 63])
+            } else {
+                '='
+            });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_of_the_standard() {
+        for (plain, text) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foobar", "Zm9vYmFy"),
+        ] {
+            assert_eq!(base64(plain.as_bytes()), text);
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! `abbe convert`: an editable scene file that refers to a model.
+
+use super::args::ConvertOptions;
+use super::{CliError, Outcome, print};
+use crate::io::atomic::{check_writable, write_atomic};
+use crate::io::convert::scene_text;
+use crate::io::model::{self, ModelKind};
+use glam::DAffine3;
+use std::io::Write as _;
+use std::path::Path;
+
+/// Runs the command.
+pub fn run(options: &ConvertOptions) -> Result<Outcome, CliError> {
+    let path = &options.model;
+    let kind = ModelKind::of(path)
+        .ok_or_else(|| CliError::file(path, "not a model (allowed: .gltf, .glb, .obj, .ply)"))?;
+    check_writable(&options.output)?;
+    let name = name_from(&options.output, path)?;
+    let read = model::load(path, kind, DAffine3::IDENTITY)
+        .map_err(|message| CliError::file(path, message))?;
+    for note in &read.notes {
+        eprintln!("warning: {note}");
+    }
+    let text = scene_text(&read, kind, &name);
+    write_atomic(&options.output, |file| file.write_all(text.as_bytes()))?;
+    if !options.quiet {
+        print(&format!(
+            "{}: {} objects, {} cameras, {} lights of {name}\n",
+            options.output.display(),
+            read.objects.len(),
+            read.cameras.len(),
+            read.lights.len()
+        ));
+    }
+    Ok(Outcome::Done)
+}
+
+/// The model's path as the scene file must name it: in the scene's folder or below.
+fn name_from(scene: &Path, model: &Path) -> Result<String, CliError> {
+    let absolute = |path: &Path| {
+        path.canonicalize()
+            .map_err(|e| CliError::file(path, e.to_string()))
+    };
+    let folder = match scene.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let (folder, inside) = (absolute(folder)?, absolute(model)?);
+    let relative = inside.strip_prefix(&folder).map_err(|_| {
+        CliError::file(
+            scene,
+            format!(
+                "the scene must lie in the folder of {} or above it",
+                model.display()
+            ),
+        )
+    })?;
+    Ok(relative.to_string_lossy().replace('\\', "/"))
+}

@@ -1,0 +1,127 @@
+//! Scene files written from models: the model stays a file of its own, cameras and stand-in lights become editable text.
+
+use super::model::{Model, ModelCamera, ModelKind, Projection, standard_camera};
+use std::fmt::Write as _;
+
+/// The smallest scene file with the model `file`: its own cameras and lights, or those that stand in.
+#[must_use]
+pub fn shortest_scene(kind: ModelKind, file: &str) -> String {
+    format!("{}{}", header(kind), model_table(kind, file))
+}
+
+/// A scene file with the model `file` (a path relative to the scene's) whose cameras are written out.
+#[must_use]
+pub fn scene_text(model: &Model, kind: ModelKind, file: &str) -> String {
+    let mut text = format!(
+        "# The model {file}. Keys: scenes/README.md.\n{}\n{}",
+        header(kind),
+        model_table(kind, file)
+    );
+    let standard;
+    let cameras = if model.cameras.is_empty() {
+        standard = [standard_camera(&model.objects)];
+        &standard[..]
+    } else {
+        &model.cameras
+    };
+    for (i, camera) in cameras.iter().enumerate() {
+        text += &sensor_table(camera, i, cameras.len() > 1);
+    }
+    if !model.lit {
+        let radiance = match kind {
+            ModelKind::Gltf => super::gltf::PER_NIT,
+            ModelKind::Obj | ModelKind::Ply => 1.0,
+        };
+        _ = write!(
+            text,
+            "\n# The model has no light.\n[[light]]\nenvironment = {{ image = \"builtin:studio\", radiance = {{ rgb = [1, 1, 1], scale = {radiance:e} }} }}\n"
+        );
+    }
+    text
+}
+
+/// glTF counts in candela, lux and nit: the picture is in cd/m².
+fn header(kind: ModelKind) -> &'static str {
+    match kind {
+        ModelKind::Gltf => "[render]\nunits = \"photometric\"\n",
+        ModelKind::Obj | ModelKind::Ply => "[render]\n",
+    }
+}
+
+fn model_table(kind: ModelKind, file: &str) -> String {
+    format!("[[model]]\n{} = {}\n", kind.key(), quoted(file))
+}
+
+/// A TOML string.
+fn quoted(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if c.is_control() => _ = write!(out, "\\u{:04X}", c as u32),
+            c => out.push(c),
+        }
+    }
+    out + "\""
+}
+
+fn sensor_table(camera: &ModelCamera, index: usize, several: bool) -> String {
+    let m = camera.to_world.matrix3;
+    let list = |v: glam::DVec3| {
+        // what rounding left of 0 is 0
+        let [x, y, z] = (v * 1e9).round().to_array().map(|x| x / 1e9 + 0.0);
+        format!("[{x}, {y}, {z}]")
+    };
+    let eye = camera.to_world.translation;
+    let view = format!(
+        "eye = {}, target = {}, up = {}",
+        list(eye),
+        list(eye - m.z_axis),
+        list(m.y_axis)
+    );
+    let (kind, aspect) = match camera.projection {
+        Projection::Perspective { fov_rad, aspect } => (
+            format!(
+                "perspective = {{ {view}, fov_deg = {} }}",
+                fov_rad.to_degrees()
+            ),
+            aspect,
+        ),
+        Projection::Orthographic { height, aspect } => (
+            format!("orthographic = {{ {view}, height = {height} }}"),
+            Some(aspect),
+        ),
+    };
+    let width = aspect.map_or(640.0, |a| (480.0 * a).round().clamp(1.0, 65536.0));
+    let name = if several {
+        format!("name = \"camera-{index}\"\n")
+    } else {
+        String::new()
+    };
+    format!("\n[[sensor]]\n{name}resolution = [{width}, 480]\n{kind}\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::model::load;
+    use crate::io::scene_file::parse_str;
+    use glam::DAffine3;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let folder = tempfile::tempdir().expect("folder");
+        let path = folder.path().join("a \"b\".obj");
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("file");
+        let model = load(&path, ModelKind::Obj, DAffine3::IDENTITY).expect("valid");
+        for text in [
+            scene_text(&model, ModelKind::Obj, "a \"b\".obj"),
+            shortest_scene(ModelKind::Obj, "a \"b\".obj"),
+        ] {
+            let scene = parse_str(&text, folder.path()).unwrap_or_else(|e| panic!("{e}\n{text}"));
+            assert_eq!(scene.description.objects.len(), 1);
+            assert_eq!(scene.description.sensors.len(), 1);
+            assert_eq!(scene.description.lights.len(), 1);
+        }
+    }
+}

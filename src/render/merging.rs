@@ -1,0 +1,275 @@
+//! Photon merging over the passes of a render: radius, wavelengths and times that a pass shares, memory.
+//!
+//! The radius shrinks as r₁ i^(−(1−α)/2) with the global index i = 1, 2, ... of the pass, so that passes stay independent (Knaus
+//! and Zwicker, "Progressive Photon Mapping: A Probabilistic Approach", 2011); α = 2/3 balances squared bias and variance (Kaplanyan
+//! and Dachsbacher, "Adaptive Progressive Photon Mapping", 2013).
+//!
+//! Invariant: r₁ is a function of scene and settings without the seed, so that all parts of a render agree.
+
+use crate::film::{Crop, SensorResponse};
+use crate::integrator::{Frame, PhotonTracer, Workspace, sample_pixel};
+use crate::math::hash::{combine, random_bits, unit_f64};
+use crate::scene::Settings;
+use crate::scene::settings::Sharing;
+use crate::transport::context::SharedSample;
+use crate::transport::photons::bytes_per_vertex;
+use crate::transport::{Counters, PassSettings, PhotonBuffer, PhotonMap};
+use glam::DVec2;
+use rayon::prelude::*;
+
+/// r₁ in widths of a pixel, where the camera sees something.
+const PIXELS: f64 = 2.0;
+/// r₁ as a share of the scene's radius elsewhere, as in SmallVCM.
+const SHARE: f64 = 0.003;
+/// No radius is smaller than this share of the scene's radius, which positions of photons resolve.
+const LEAST_SHARE: f64 = 1e-5;
+/// Samples of the pilot.
+const SAMPLES: u32 = 1024;
+/// Its pass index, which no render reaches.
+const PASS: u32 = u32::MAX;
+
+/// A choice of r₁.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RadiusChoice {
+    /// Radius of the first pass in metres.
+    pub radius: f64,
+    /// How it was found.
+    pub reason: String,
+}
+
+/// What merging will hold in memory during a pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotonMemory {
+    /// Stored vertices per light sub-path, from a pilot.
+    pub vertices_per_path: f64,
+    /// Light sub-paths of a pass.
+    pub paths: u64,
+    /// Bytes per stored vertex.
+    pub bytes_per_vertex: u64,
+}
+
+impl PhotonMemory {
+    /// Whether the index has numbers for so many, with a margin for what the pilot did not see.
+    #[must_use]
+    pub fn is_addressable(&self) -> bool {
+        1.1 * self.vertices_per_path * (self.paths as f64) < f64::from(u32::MAX)
+    }
+
+    /// Bytes in all: what is held while camera sub-paths gather.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        (self.vertices_per_path * self.paths as f64 * self.bytes_per_vertex as f64) as u64
+    }
+}
+
+/// The wavelengths that were heroes of all paths of some pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SharedWavelengths {
+    /// How many there are.
+    pub distinct: usize,
+    /// Widest part of the working range without one, in nanometers.
+    pub largest_gap_nm: f64,
+}
+
+impl SharedWavelengths {
+    /// Of wavelengths within a range.
+    #[must_use]
+    pub fn new(mut heroes_nm: Vec<f64>, range_nm: [f64; 2]) -> Self {
+        heroes_nm.sort_by(f64::total_cmp);
+        heroes_nm.dedup();
+        let distinct = heroes_nm.len();
+        heroes_nm.insert(0, range_nm[0]);
+        heroes_nm.push(range_nm[1]);
+        Self {
+            distinct,
+            largest_gap_nm: heroes_nm
+                .windows(2)
+                .map(|w| w[1] - w[0])
+                .fold(0.0, f64::max),
+        }
+    }
+}
+
+/// Pixels spread over the crop (the R2 lattice).
+fn lattice(crop: &Crop) -> impl Iterator<Item = (u32, u32)> {
+    let (x0, y0, width, height) = (crop.x0, crop.y0, crop.width(), crop.height());
+    (0..SAMPLES).map(move |i| {
+        let u = (f64::from(i) * 0.754_877_666_246_692_8 + 0.5).fract();
+        let v = (f64::from(i) * 0.569_840_290_998_053_3 + 0.5).fract();
+        (
+            x0 + (u * f64::from(width)) as u32,
+            y0 + (v * f64::from(height)) as u32,
+        )
+    })
+}
+
+/// Chooses r₁ for a sensor.
+#[must_use]
+pub fn choose_radius(frame: &Frame, response: &SensorResponse) -> RadiusChoice {
+    let scene = frame.scene;
+    if let Some(radius) = frame.settings.merging.radius {
+        return RadiusChoice {
+            radius,
+            reason: "given".to_owned(),
+        };
+    }
+    let camera = &scene.sensors[frame.sensor].camera;
+    let mut widths = Vec::new();
+    if !camera.is_hittable() {
+        let settings = Settings {
+            seed: 0,
+            ..frame.settings.clone()
+        };
+        let resolution = camera.resolution();
+        let whole = Crop {
+            x0: 0,
+            y0: 0,
+            x1: resolution.width,
+            y1: resolution.height,
+        };
+        let pilot = Frame::new(scene, frame.sensor, &settings, &whole, false);
+        let pass = PassSettings {
+            index: PASS,
+            ..PassSettings::default()
+        };
+        let mut workspace = Workspace::default();
+        for (x, y) in lattice(&whole) {
+            sample_pixel(&pilot, &pass, (x, y), response, &mut workspace);
+            let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let time = scene.sensors[frame.sensor].shutter.at(0.5);
+            let at = |raster| camera.sample_ray(raster, DVec2::splat(0.5), time);
+            let (here, next) = (at(raster), at(raster + DVec2::X));
+            let offset = here.xk.p.distance(next.xk.p);
+            let angle = here.direction.angle_between(next.direction);
+            let mut length = 0.0;
+            for vertex in &workspace.camera_subpath().vertices {
+                length += vertex.distance;
+                if vertex.bsdf.has_non_specular() {
+                    widths.push(offset + angle * length);
+                    break;
+                }
+            }
+        }
+    }
+    widths.sort_by(f64::total_cmp);
+    match widths.get(widths.len() / 2) {
+        Some(width) => RadiusChoice {
+            radius: PIXELS * width,
+            reason: format!("{PIXELS} pixels at the distance of what the camera sees"),
+        },
+        None => RadiusChoice {
+            radius: SHARE * scene.radius,
+            reason: format!("{SHARE} of the radius of the scene"),
+        },
+    }
+}
+
+/// Radius of pass `index` = 0, 1, ...
+#[must_use]
+pub fn scheduled_radius(frame: &Frame, first: f64, index: u32) -> f64 {
+    let exponent = -0.5 * (1.0 - frame.settings.merging.alpha);
+    let radius = first * (f64::from(index) + 1.0).powf(exponent);
+    radius.max(LEAST_SHARE * frame.scene.radius)
+}
+
+/// Wavelength and time of pass `index`.
+#[must_use]
+pub fn shared_sample(frame: &Frame, index: u32) -> SharedSample {
+    let key = combine(
+        combine(frame.settings.seed, 0x5348_4152),
+        frame.sensor as u64,
+    );
+    let random = |i: u64| unit_f64(random_bits(key, i));
+    let (u_wavelength, time) = match frame.settings.merging.sharing {
+        Sharing::Hero | Sharing::Set => {
+            let i = 2 * u64::from(index);
+            (random(i), random(i + 1))
+        }
+        // multiples of the golden ratio and of √2 - 1, from a random start
+        Sharing::Stratified => {
+            let along = |start: f64, step: f64| (start + f64::from(index) * step).fract();
+            (
+                along(random(0), 0.618_033_988_749_894_9),
+                along(random(1), std::f64::consts::SQRT_2 - 1.0),
+            )
+        }
+    };
+    SharedSample {
+        u_wavelength,
+        heroes: frame.heroes(),
+        time,
+    }
+}
+
+/// Traces the light sub-paths of all pixels of the crop and stores their vertices. The order of the photons is that of the pixels,
+/// whatever the threads. `None` where there are more than fit.
+#[must_use]
+pub fn trace_photons(
+    frame: &Frame,
+    pass: &PassSettings,
+    crop: &Crop,
+) -> (Option<PhotonMap>, Counters) {
+    let rows: Vec<(PhotonBuffer, Counters)> = (crop.y0..crop.y1)
+        .into_par_iter()
+        .map_init(PhotonTracer::default, |tracer, y| {
+            let mut buffer = PhotonBuffer::default();
+            tracer.counters = Counters::default();
+            for x in crop.x0..crop.x1 {
+                tracer.trace(frame, pass, (x, y), &mut buffer);
+            }
+            buffer.shrink_to_fit();
+            (buffer, tracer.counters)
+        })
+        .collect();
+    let mut counters = Counters::default();
+    let mut buffers = Vec::with_capacity(rows.len());
+    for (buffer, row) in rows {
+        counters.add(&row);
+        buffers.push(buffer);
+    }
+    let radius = pass.merge_radius.unwrap_or(0.0);
+    let map = PhotonMap::build(buffers, frame.lanes(), frame.scene.center, radius);
+    (map, counters)
+}
+
+/// What the passes of a render over part of the film will hold.
+#[must_use]
+pub fn memory(frame: &Frame, crop: &Crop) -> PhotonMemory {
+    let pass = PassSettings {
+        index: PASS,
+        shared: Some(shared_sample(frame, PASS)),
+        ..PassSettings::default()
+    };
+    let (mut tracer, mut buffer) = (PhotonTracer::default(), PhotonBuffer::default());
+    for pixel in lattice(crop) {
+        tracer.trace(frame, &pass, pixel, &mut buffer);
+    }
+    PhotonMemory {
+        vertices_per_path: buffer.len() as f64 / f64::from(SAMPLES),
+        paths: crop.pixels(),
+        bytes_per_vertex: bytes_per_vertex(frame.lanes()) as u64,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_reach_to_the_ends_of_the_range() {
+        let found = SharedWavelengths::new(vec![500.0, 420.0, 500.0], [400.0, 700.0]);
+        assert_eq!((found.distinct, found.largest_gap_nm), (2, 200.0));
+    }
+
+    #[test]
+    fn the_lattice_stays_in_the_crop() {
+        let crop = Crop {
+            x0: 3,
+            y0: 5,
+            x1: 10,
+            y1: 7,
+        };
+        assert!(lattice(&crop).all(|(x, y)| crop.contains(x, y)));
+        assert_eq!(lattice(&crop).count(), SAMPLES as usize);
+    }
+}

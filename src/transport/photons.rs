@@ -1,0 +1,442 @@
+//! The vertices of all light sub-paths of a pass, as merging needs them, in a hash grid.
+//!
+//! A vertex takes 40 bytes and 4 per lane: position, direction, weight, the three sums of [`SideTerms`] and what names it. Whatever
+//! else a slow sum may need is found by tracing the sub-path again.
+//!
+//! Invariant: a function of the sub-paths and the order in which they were added, not of the threads that traced them.
+
+use super::class::PathClass;
+use super::connect::{factor_before, light_end_factor};
+use super::context::PathContext;
+use super::density::NO_COLUMN;
+use super::merge::{MergeSide, SideTerms, side_terms};
+use super::subpath::Subpath;
+use super::techniques::Techniques;
+use crate::spectrum::{MAX_LANES, SampledSpectrum};
+use glam::DVec3;
+
+/// Bits of the number of a sub-path: a film has at most 2^28 pixels.
+const PATH_BITS: u32 = 28;
+/// Bits of the depth; deeper vertices are not stored.
+const DEPTH_BITS: u32 = 10;
+/// Labels kept for the class of a path; those of vertices farther from the light count as non-specular.
+const LABEL_BITS: u32 = 23;
+const DISPERSIVE: u64 = 1 << 61;
+const FIRST_SHARED: u64 = 1 << 62;
+const COLUMNS: u64 = 1 << 63;
+
+/// A stored vertex of a light sub-path.
+#[derive(Clone, Copy, Debug)]
+pub struct Photon {
+    /// From the center of the map, in metres.
+    position: [f32; 3],
+    /// Unit direction towards the previous vertex on the unfolded octahedron.
+    direction: [f32; 2],
+    first: f32,
+    rest: f32,
+    rest_shared: f32,
+    /// From the low end: sub-path, depth, labels, flags.
+    info: u64,
+}
+
+/// Bytes of a stored vertex with `lanes` wavelengths, its place in the index included.
+#[must_use]
+pub fn bytes_per_vertex(lanes: usize) -> usize {
+    size_of::<Photon>() + lanes * size_of::<f32>() + size_of::<u32>()
+}
+
+impl Photon {
+    /// Unit direction towards the previous vertex.
+    #[must_use]
+    pub fn toward_previous(&self) -> DVec3 {
+        let [x, y] = self.direction.map(f64::from);
+        let z = 1.0 - x.abs() - y.abs();
+        let fold = (-z).max(0.0);
+        DVec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize()
+    }
+
+    /// The terms of the techniques on its side.
+    #[must_use]
+    pub fn terms(&self) -> SideTerms {
+        SideTerms {
+            first: self.first.into(),
+            rest: self.rest.into(),
+            rest_shared: self.rest_shared.into(),
+            first_shared: self.info & FIRST_SHARED != 0,
+            dispersive: self.info & DISPERSIVE != 0,
+        }
+    }
+
+    /// The number of its sub-path.
+    #[must_use]
+    pub fn path(&self) -> u32 {
+        (self.info & ((1 << PATH_BITS) - 1)) as u32
+    }
+
+    /// Scattering vertices before it.
+    #[must_use]
+    pub fn depth(&self) -> usize {
+        (self.info >> PATH_BITS) as usize & ((1 << DEPTH_BITS) - 1)
+    }
+
+    /// Whether densities of its sub-path differ between lanes, which its sums leave out.
+    #[must_use]
+    pub fn has_columns(&self) -> bool {
+        self.info & COLUMNS != 0
+    }
+
+    /// The labels of the vertices before it.
+    #[must_use]
+    pub fn class(&self) -> PathClass {
+        let labels = self.info >> (PATH_BITS + DEPTH_BITS);
+        let mut class = PathClass::new();
+        for i in 0..self.depth() {
+            class.push(i < LABEL_BITS as usize && labels & (1 << i) != 0);
+        }
+        class
+    }
+}
+
+/// Where a unit direction lies on the octahedron, its lower half folded out.
+fn octahedral(w: DVec3) -> [f32; 2] {
+    let w = w / (w.x.abs() + w.y.abs() + w.z.abs());
+    let (x, y) = if w.z >= 0.0 {
+        (w.x, w.y)
+    } else {
+        (
+            (1.0 - w.y.abs()).copysign(w.x),
+            (1.0 - w.x.abs()).copysign(w.y),
+        )
+    };
+    [x as f32, y as f32]
+}
+
+/// Stored vertices in the order of their sub-paths.
+#[derive(Debug, Default)]
+pub struct PhotonBuffer {
+    photons: Vec<Photon>,
+    /// Weights, all lanes of a photon together.
+    lanes: Vec<f32>,
+}
+
+impl PhotonBuffer {
+    /// Number of vertices.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.photons.len()
+    }
+
+    /// Whether it holds nothing.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.photons.is_empty()
+    }
+
+    /// Gives back memory beyond what it holds.
+    pub fn shrink_to_fit(&mut self) {
+        self.photons.shrink_to_fit();
+        self.lanes.shrink_to_fit();
+    }
+
+    /// Adds the vertices of a light sub-path at which paths can be merged.
+    pub fn add(
+        &mut self,
+        context: &PathContext,
+        techniques: &Techniques,
+        light: &Subpath,
+        path: u32,
+    ) {
+        let Some(id) = light.light else { return };
+        let scene = context.scene;
+        let source = &scene.lights[id.0 as usize];
+        let Some(x1) = light.vertices.first() else {
+            return;
+        };
+        let direct = scene.selection.probability(id)
+            * source.direct_density(&context.light_context(), x1.point.p, &light.origin)
+            / light.densities[0].own;
+        let count = context.count();
+        let (mut labels, mut columns) = (0_u64, false);
+        for (i, vertex) in light.vertices.iter().enumerate().take(1 << DEPTH_BITS) {
+            columns |= light.densities[i + 1].own_column != NO_COLUMN;
+            if i >= 1 {
+                columns |= light.densities[i - 1].other_column != NO_COLUMN;
+            }
+            let weight = vertex
+                .throughput
+                .lanes
+                .map(|v| (f64::from(v) * vertex.throughput.scale) as f32);
+            let usable = vertex.bsdf.has_non_specular()
+                && vertex.sides_agree(vertex.toward_previous)
+                && !weight.is_black(count)
+                && weight.0[..count].iter().all(|v| v.is_finite());
+            if usable {
+                let factor = factor_before(light, i, || {
+                    light_end_factor(
+                        source,
+                        &light.origin,
+                        vertex.toward_previous,
+                        vertex.distance,
+                    )
+                });
+                let densities = &light.densities[..i + 2];
+                let terms = side_terms(densities, factor, MergeSide::Light { direct }, techniques);
+                let offset = vertex.point.p - scene.center;
+                let flag = |on: bool, bit: u64| if on { bit } else { 0 };
+                let single = |v: f64| (v as f32).min(f32::MAX);
+                self.photons.push(Photon {
+                    position: [offset.x as f32, offset.y as f32, offset.z as f32],
+                    direction: octahedral(vertex.toward_previous),
+                    first: single(terms.first),
+                    rest: single(terms.rest),
+                    rest_shared: single(terms.rest_shared),
+                    info: u64::from(path)
+                        | (i as u64) << PATH_BITS
+                        | labels << (PATH_BITS + DEPTH_BITS)
+                        | flag(terms.dispersive, DISPERSIVE)
+                        | flag(terms.first_shared, FIRST_SHARED)
+                        | flag(columns, COLUMNS),
+                });
+                self.lanes.extend_from_slice(&weight.0[..count]);
+            }
+            if i < LABEL_BITS as usize && light.densities[i + 1].label.is_specular() {
+                labels |= 1 << i;
+            }
+        }
+    }
+}
+
+/// All stored vertices of a pass.
+#[derive(Debug)]
+pub struct PhotonMap {
+    photons: Vec<Photon>,
+    lanes: Vec<f32>,
+    stride: usize,
+    /// First photon of each bucket, and the end of the last.
+    starts: Vec<u32>,
+    center: DVec3,
+    radius: f64,
+}
+
+impl PhotonMap {
+    /// Sorts buffers into a grid of cells 2 `radius` wide; `lanes` wavelengths per photon. `None` beyond 2^32 - 1 photons.
+    #[must_use]
+    pub fn build(
+        buffers: Vec<PhotonBuffer>,
+        lanes: usize,
+        center: DVec3,
+        radius: f64,
+    ) -> Option<Self> {
+        let count: usize = buffers.iter().map(PhotonBuffer::len).sum();
+        u32::try_from(count).ok()?;
+        let mut map = Self {
+            photons: Vec::with_capacity(count),
+            lanes: Vec::with_capacity(count * lanes),
+            stride: lanes,
+            starts: vec![0; count.max(1) + 1],
+            center,
+            radius,
+        };
+        for buffer in buffers {
+            map.photons.extend_from_slice(&buffer.photons);
+            map.lanes.extend_from_slice(&buffer.lanes);
+        }
+        map.sort();
+        Some(map)
+    }
+
+    /// Brings the photons into the order of their buckets, in place.
+    fn sort(&mut self) {
+        let mut places: Vec<u32> = self
+            .photons
+            .iter()
+            .map(|p| self.bucket(self.cell(DVec3::from_array(p.position.map(f64::from)))))
+            .collect();
+        for &bucket in &places {
+            self.starts[bucket as usize + 1] += 1;
+        }
+        for i in 1..self.starts.len() {
+            self.starts[i] += self.starts[i - 1];
+        }
+        let mut next = self.starts.clone();
+        for place in &mut places {
+            let bucket = *place as usize;
+            *place = next[bucket];
+            next[bucket] += 1;
+        }
+        drop(next);
+        for i in 0..places.len() {
+            while places[i] as usize != i {
+                let to = places[i] as usize;
+                self.photons.swap(i, to);
+                for lane in 0..self.stride {
+                    self.lanes
+                        .swap(i * self.stride + lane, to * self.stride + lane);
+                }
+                places.swap(i, to);
+            }
+        }
+    }
+
+    /// The cell of an offset from the center.
+    fn cell(&self, offset: DVec3) -> [i64; 3] {
+        (offset / (2.0 * self.radius))
+            .floor()
+            .to_array()
+            .map(|v| v as i64)
+    }
+
+    fn bucket(&self, [x, y, z]: [i64; 3]) -> u32 {
+        let mixed = (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+            ^ (y as u64)
+                .wrapping_mul(0xc2b2_ae3d_27d4_eb4f)
+                .rotate_left(21)
+            ^ (z as u64)
+                .wrapping_mul(0x1656_67b1_9e37_79f9)
+                .rotate_left(42);
+        let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 32;
+        ((mixed * (self.starts.len() as u64 - 1)) >> 32) as u32
+    }
+
+    /// Number of photons.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.photons.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.photons.is_empty()
+    }
+
+    /// Bytes held.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        (self.photons.capacity() * size_of::<Photon>()
+            + self.lanes.capacity() * size_of::<f32>()
+            + self.starts.capacity() * size_of::<u32>()) as u64
+    }
+
+    /// Calls `f` for every photon nearer to `p` than the radius, with its weight, in an order that is always the same.
+    pub fn for_each_near(&self, p: DVec3, mut f: impl FnMut(&Photon, &SampledSpectrum)) {
+        let offset = p - self.center;
+        let [x, y, z] = self.cell(offset - self.radius);
+        let mut seen = [u32::MAX; 8];
+        for i in 0..8 {
+            let bucket = self.bucket([x + (i & 1), y + (i >> 1 & 1), z + (i >> 2)]);
+            if seen[..i as usize].contains(&bucket) {
+                continue;
+            }
+            seen[i as usize] = bucket;
+            let range =
+                self.starts[bucket as usize] as usize..self.starts[bucket as usize + 1] as usize;
+            for index in range {
+                let photon = &self.photons[index];
+                let distance = DVec3::from_array(photon.position.map(f64::from)) - offset;
+                if distance.length_squared() < self.radius * self.radius {
+                    let mut weight = [0.0; MAX_LANES];
+                    weight[..self.stride].copy_from_slice(
+                        &self.lanes[index * self.stride..(index + 1) * self.stride],
+                    );
+                    f(photon, &SampledSpectrum(weight));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hash::{random_bits, unit_f64};
+    use std::collections::BTreeSet;
+
+    fn random(count: usize) -> PhotonBuffer {
+        let number = |i: usize, k: u64| unit_f64(random_bits(i as u64, k));
+        let photons = (0..count).map(|i| Photon {
+            position: [0, 1, 2].map(|k| (4.0 * number(i, k) - 2.0) as f32),
+            direction: [0.0, 0.0],
+            first: 0.0,
+            rest: 0.0,
+            rest_shared: 0.0,
+            info: i as u64 | (i as u64 % 7) << PATH_BITS,
+        });
+        PhotonBuffer {
+            photons: photons.collect(),
+            lanes: (0..count).flat_map(|i| [i as f32, 0.5]).collect(),
+        }
+    }
+
+    #[test]
+    fn a_stored_vertex_is_as_small_as_said() {
+        assert_eq!(size_of::<Photon>(), 40);
+        assert_eq!(bytes_per_vertex(4), 60);
+    }
+
+    #[test]
+    fn the_grid_finds_what_a_search_through_all_finds() {
+        let center = DVec3::new(10.0, -3.0, 5.0);
+        for radius in [0.03, 0.2, 1.5] {
+            let all = random(3000);
+            let map = PhotonMap::build(vec![random(3000)], 2, center, radius).expect("few");
+            assert_eq!(map.len(), 3000);
+            let mut total = 0;
+            for i in 0..300 {
+                let at = DVec3::from_array(all.photons[i].position.map(f64::from))
+                    + DVec3::splat(0.3 * radius);
+                let near = |p: &&Photon| {
+                    DVec3::from_array(p.position.map(f64::from)).distance(at) < radius
+                };
+                let expected: BTreeSet<u32> =
+                    all.photons.iter().filter(near).map(Photon::path).collect();
+                let mut found = BTreeSet::new();
+                map.for_each_near(center + at, |photon, weight| {
+                    assert!(found.insert(photon.path()), "found twice");
+                    assert_eq!(photon.depth(), photon.path() as usize % 7);
+                    assert_eq!(weight.0[..2], [photon.path() as f32, 0.5]);
+                });
+                assert_eq!(found, expected);
+                total += found.len();
+            }
+            assert!(total >= 300);
+        }
+    }
+
+    #[test]
+    fn directions_and_labels_survive_storage() {
+        for i in 0..1000 {
+            let number = |k| 2.0 * unit_f64(random_bits(i, k)) - 1.0;
+            let w = DVec3::new(number(0), number(1), number(2)).normalize();
+            let photon = Photon {
+                direction: octahedral(w),
+                info: 3 << PATH_BITS | 0b101 << (PATH_BITS + DEPTH_BITS),
+                ..random(1).photons[0]
+            };
+            // two roundings to f32
+            assert!(photon.toward_previous().distance(w) < 3e-7);
+            assert_eq!(photon.class().to_string(), "LSDSE");
+        }
+        for w in [
+            DVec3::X,
+            DVec3::Y,
+            DVec3::Z,
+            -DVec3::X,
+            -DVec3::Y,
+            -DVec3::Z,
+        ] {
+            let photon = Photon {
+                direction: octahedral(w),
+                ..random(1).photons[0]
+            };
+            assert_eq!(photon.toward_previous(), w);
+        }
+    }
+
+    #[test]
+    fn an_empty_map_holds_nothing() {
+        let map = PhotonMap::build(Vec::new(), 4, DVec3::ZERO, 0.1).expect("none");
+        assert!(map.is_empty());
+        map.for_each_near(DVec3::ONE, |_, _| panic!("found"));
+    }
+}
