@@ -163,7 +163,8 @@ def luxcore_render(scene, size, spp, seed, engine):
 
     def define(name, thing):
         points, triangles = mesh_of(thing)
-        built.DefineMesh(name, points.tolist(), triangles.tolist(), None, None, None, None)
+        corners = [[tuple(x) for x in array.tolist()] for array in (points, triangles)]
+        built.DefineMesh(name, *corners, None, None, None, None)
         put(f"scene.objects.{name}.shape", name)
         put(f"scene.objects.{name}.material", name)
 
@@ -200,8 +201,9 @@ def luxcore_render(scene, size, spp, seed, engine):
     put("scene.camera.lookat.orig", list(map(float, eye)))
     put("scene.camera.lookat.target", list(map(float, target)))
     put("scene.camera.up", [0.0, 1.0, 0.0])
-    # theirs is the angle of the shorter side
-    put("scene.camera.fieldofview", float(fov))
+    # theirs is the angle of the width of wide images
+    across = 2 * math.degrees(math.atan(math.tan(math.radians(fov) / 2) * max(1.0, size[0] / size[1])))
+    put("scene.camera.fieldofview", across)
     put("scene.camera.autofocus.enable", False)
     built.Parse(properties)
     config = pyluxcore.Properties()
