@@ -45,6 +45,8 @@ pub enum Command {
     Render(Box<RenderOptions>),
     /// Says what a scene holds and calls for, and why
     Info(InfoOptions),
+    /// Shows what accuracy costs in time: renders a scene by several methods and reports error against time
+    Cost(Box<CostOptions>),
     /// Measures how far an image is from a reference
     Compare(CompareOptions),
     /// Shows the refractive index of a glass
@@ -251,6 +253,54 @@ pub struct InfoOptions {
     /// Prints JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// Parts of the matrix of `abbe cost`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CostGroup {
+    /// Integrators and modes of regularization
+    Methods,
+    /// The scene without one of its effects each
+    Effects,
+    /// Other values of one setting each
+    Settings,
+}
+
+/// Options of `abbe cost`.
+#[derive(Debug, Args)]
+pub struct CostOptions {
+    /// The scene file
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The image to measure errors against; one is rendered by another estimator otherwise
+    #[arg(long, value_name = "FILE")]
+    pub reference: Option<PathBuf>,
+    /// Time for each variant and seed, such as 10s or 2m (the reference has eight times as much)
+    #[arg(long, value_name = "TIME", default_value = "10s", value_parser = seconds)]
+    pub budget: f64,
+    /// Seeds per variant, for the spread
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub seeds: u32,
+    /// The folder for report, tables and images; NAME.cost in the working directory otherwise
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: Option<PathBuf>,
+    /// What is varied
+    #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', default_values = ["methods", "effects", "settings"])]
+    pub vary: Vec<CostGroup>,
+    /// Also plots the value of this pixel against time
+    #[arg(long, value_name = "X,Y", value_parser = pixel)]
+    pub probe: Option<[u32; 2]>,
+    /// Measures this sensor; the first otherwise
+    #[arg(long, value_name = "NAME")]
+    pub sensor: Option<String>,
+    /// Threads; all cores otherwise
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub overrides: Overrides,
+    /// Prints nothing but errors
+    #[arg(short, long)]
+    pub quiet: bool,
 }
 
 /// Options of `abbe compare`.
@@ -462,6 +512,28 @@ fn positive(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|&v| v > 0.0)
         .ok_or_else(|| "expected a number above 0".to_owned())
+}
+
+/// A time with an optional unit.
+fn seconds(text: &str) -> Result<f64, String> {
+    let number = text.trim_end_matches(['s', 'm', 'h']);
+    let unit = match &text[number.len()..] {
+        "" | "s" => 1.0,
+        "m" => 60.0,
+        "h" => 3600.0,
+        _ => f64::NAN,
+    };
+    positive(number)
+        .map(|n| n * unit)
+        .ok()
+        .filter(|s| s.is_finite())
+        .ok_or_else(|| "expected a time above 0 such as 10s, 2m or 1h".to_owned())
+}
+
+fn pixel(text: &str) -> Result<[u32; 2], String> {
+    text.split_once(',')
+        .and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]))
+        .ok_or_else(|| "expected X,Y: a pixel, from the top left".to_owned())
 }
 
 /// The value of `render.epsilon` that says the same.

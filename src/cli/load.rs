@@ -6,6 +6,7 @@ use crate::io::scene_file::document::hash_bytes;
 use crate::io::scene_file::{self, OutputUnits};
 use crate::render::{EpsilonChoice, RadiusChoice};
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
+use crate::scene::frozen::Frozen;
 use crate::scene::settings::{Heuristic, IntegratorKind, Regularize, Sharing};
 use crate::scene::{Scene, Settings};
 use std::collections::BTreeMap;
@@ -29,7 +30,19 @@ pub struct Loaded {
 
 /// Reads and builds a scene.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Loaded, CliError> {
-    let file = scene_file::load(path, overrides)?;
+    load_frozen(path, overrides, None)
+}
+
+/// Reads and builds a scene without one of its effects.
+pub fn load_frozen(
+    path: &Path,
+    overrides: &[(String, String)],
+    frozen: Option<Frozen>,
+) -> Result<Loaded, CliError> {
+    let mut file = scene_file::load(path, overrides)?;
+    if let Some(frozen) = frozen {
+        file.description.freeze(frozen);
+    }
     let wavelengths = file.description.wavelengths.clone();
     let scene = Scene::build(file.description).map_err(|source| CliError::Build {
         path: path.to_owned(),

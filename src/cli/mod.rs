@@ -6,6 +6,7 @@ mod args;
 mod banding;
 mod compare;
 mod convert;
+mod cost;
 mod error;
 mod glass;
 mod image_output;
@@ -14,6 +15,7 @@ mod interrupt;
 mod load;
 mod merge;
 mod progress;
+mod readable;
 mod render;
 mod stats;
 mod summary;
@@ -50,6 +52,7 @@ pub fn run() -> ExitCode {
     let outcome = match arguments.command {
         Command::Render(options) => render::run(&options),
         Command::Info(options) => info::run(&options),
+        Command::Cost(options) => cost::run(&options),
         Command::Compare(options) => compare::run(&options),
         Command::Glass(options) => glass::run(&options),
         Command::Merge(options) => merge::run(&options),

@@ -15,6 +15,7 @@ use crate::film::{Crop, SensorResponse, SpectralChannels};
 use crate::io::atomic::check_writable;
 use crate::io::part::{self, PartHeader, PassRange};
 use crate::io::scene_file::OutputUnits;
+use crate::render::forecast::ErrorHistory;
 use crate::render::guides::Guide;
 use crate::render::stop::{StopReason, StopRules};
 use crate::render::{OutputRequest, PhotonMemory, Render};
@@ -347,10 +348,13 @@ impl Job<'_> {
         );
         let mut stop = StopReason::Passes;
         let mut saved = Instant::now();
+        let (mut history, mut rendered) = (ErrorHistory::default(), 0);
         let mut todo = todo().zip(1_u64..).peekable();
         while let Some((pass, count)) = todo.next() {
             let pass_start = Instant::now();
             render.add_pass(pass);
+            rendered = count;
+            history.after_pass(render.passes().len() as u64, || render.relative_error());
             let counters = render.counters();
             progress.update(
                 count,
@@ -380,13 +384,20 @@ impl Job<'_> {
         }
         drop(progress);
         self.save(sensor, &render, &guides, targets)?;
-        let stats = SensorStats::new(
+        let mut stats = SensorStats::new(
             &loaded.scene.sensors[sensor].name,
             &render,
             stop,
             start.elapsed(),
             cpu_start,
         );
+        stats.forecast = stats.relative_error.filter(|_| rendered > 0).map(|error| {
+            let half = 0.5 * error;
+            let target = options.target_error.filter(|&t| t < error).unwrap_or(half);
+            let per_pass = start.elapsed().div_f64(rendered as f64);
+            let passes = stats.passes.len() as u64;
+            (target, history.forecast(passes, error, per_pass, target))
+        });
         if !options.quiet {
             let exposure = targets
                 .preview

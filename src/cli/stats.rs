@@ -6,7 +6,9 @@ use super::load::{Loaded, integrator_name};
 use super::usage::{cpu_seconds, peak_memory_bytes};
 use crate::io::atomic::write_atomic;
 use crate::render::bias::BiasEstimate;
+use crate::render::forecast::Forecast;
 use crate::render::stop::StopReason;
+use crate::render::table::ClassShare;
 use crate::render::{Render, SharedWavelengths};
 use crate::scene::effects::Effect;
 use crate::transport::Counters;
@@ -14,6 +16,9 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
+
+/// Hits below which a class of paths is not to be trusted: its share is known to 10 % at best.
+pub const FEW_HITS: u64 = 100;
 
 /// The cones of a regularized render.
 #[derive(Clone, Copy, Debug)]
@@ -120,6 +125,10 @@ pub struct SensorStats {
     pub saturated: u64,
     /// Estimated relative error.
     pub relative_error: Option<f64>,
+    /// A smaller relative error, and what it would take.
+    pub forecast: Option<(f64, Forecast)>,
+    /// Classes of paths with few hits, where the table of classes is kept.
+    pub rarely_hit: Vec<ClassShare>,
     /// Its cones, if it was regularized.
     pub epsilon: Option<EpsilonStats>,
     /// Its photons, if there were any.
@@ -164,6 +173,8 @@ impl SensorStats {
             non_finite: counters.non_finite + rejected.not_finite,
             saturated: rejected.saturated,
             relative_error: render.relative_error(),
+            forecast: None,
+            rarely_hit: render.table().rarely_hit(FEW_HITS),
             epsilon: EpsilonStats::new(render),
             merging: MergeStats::new(render),
             regularization: effect_json(&render.regularization().effect()),
@@ -200,6 +211,8 @@ impl SensorStats {
             "medium_mismatches": c.medium_mismatches,
             "nesting_overflows": c.nesting_overflows,
             "relative_error": self.relative_error,
+            "forecast": self.forecast.map(forecast_json),
+            "rarely_hit": self.rarely_hit.iter().map(class_json).collect::<Vec<_>>(),
             "regularization": self.regularization,
             "epsilon": self.epsilon.as_ref().map(EpsilonStats::json),
             "merging": self.merging.as_ref().map(|m| m.json(c, self.passes.len())),
@@ -210,6 +223,19 @@ impl SensorStats {
 
 fn effect_json(effect: &Effect) -> Value {
     json!({ "name": effect.name, "on": effect.on, "reason": effect.reason })
+}
+
+fn forecast_json((target, forecast): (f64, Forecast)) -> Value {
+    let seconds = match forecast {
+        Forecast::Takes(time) => Some(time.as_secs_f64()),
+        Forecast::Unknown | Forecast::Unsteady => None,
+    };
+    let unsteady = forecast == Forecast::Unsteady;
+    json!({ "relative_error": target, "seconds": seconds, "unsteady": unsteady })
+}
+
+fn class_json(class: &ClassShare) -> Value {
+    json!({ "class": class.class.to_string(), "hits": class.hits, "share": class.share })
 }
 
 /// Effects and their reasons.

@@ -1,11 +1,18 @@
 //! What a render says of itself: effects before, a closing summary after.
 
-use super::stats::SensorStats;
+use super::readable::{duration, percent};
+use super::stats::{FEW_HITS, SensorStats};
 use super::usage::bytes_text;
+use crate::render::forecast::Forecast;
 use crate::render::{PhotonMemory, RadiusChoice, Render};
 use crate::scene::effects::Effect;
 use std::fmt::Write as _;
 use std::path::Path;
+
+/// Share of the light below which rarely hit classes are not told.
+const TOLD_SHARE: f64 = 1e-3;
+/// Classes that are named.
+const TOLD_CLASSES: usize = 5;
 
 /// The effects of a scene, one line each.
 #[must_use]
@@ -86,6 +93,8 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
         .relative_error
         .map_or_else(|| "unknown".to_owned(), |e| format!("{:.2} %", 100.0 * e));
     _ = writeln!(text, "  error     {error} (estimated, relative)");
+    text += &accuracy(stats);
+    text += &rarely_hit(stats);
     if let Some(epsilon) = &stats.epsilon {
         _ = writeln!(
             text,
@@ -133,4 +142,49 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
         _ = writeln!(text, "  warning   {count} {what}");
     }
     text
+}
+
+/// What a smaller error would take.
+fn accuracy(stats: &SensorStats) -> String {
+    let (Some(error), Some((target, forecast))) = (stats.relative_error, stats.forecast) else {
+        return String::new();
+    };
+    let now = format!(
+        "{} now ({})",
+        percent(error),
+        duration(stats.wall.as_secs_f64())
+    );
+    match forecast {
+        Forecast::Unknown => String::new(),
+        Forecast::Unsteady => {
+            format!(
+                "  accuracy  {now}; unsteady: the error does not fall evenly, its future is not known\n"
+            )
+        }
+        Forecast::Takes(time) => format!(
+            "  accuracy  {now}; {} would take about {}\n",
+            percent(target),
+            duration(time.as_secs_f64())
+        ),
+    }
+}
+
+/// The classes of paths whose share of the image is not to be trusted.
+fn rarely_hit(stats: &SensorStats) -> String {
+    let share: f64 = stats.rarely_hit.iter().map(|c| c.share).sum();
+    if share < TOLD_SHARE {
+        return String::new();
+    }
+    let brightest: Vec<String> = stats
+        .rarely_hit
+        .iter()
+        .take(TOLD_CLASSES)
+        .map(|c| format!("{} {}", c.class, percent(c.share)))
+        .collect();
+    format!(
+        "  classes   {} of the light is in {} classes of paths with fewer than {FEW_HITS} hits each, whatever the error says: {}\n",
+        percent(share),
+        stats.rarely_hit.len(),
+        brightest.join(", ")
+    )
 }

@@ -136,7 +136,8 @@ impl Tree {
         std::mem::size_of_val(self.nodes.as_slice())
     }
 
-    /// The ray in the frame of the tree, from where it enters the bounds; `None` if it misses them.
+    /// The ray in the frame of the tree, from where it enters the bounds; `None` if it misses them, or if its numbers make no ray
+    /// (not finite, too large for finite distances, or without direction).
     #[inline]
     pub fn enter(&self, o: DVec3, d: DVec3, t_max: f64) -> Option<Entry> {
         let o = (o - self.center) * self.inv_scale;
@@ -153,6 +154,10 @@ impl Tree {
             return None;
         }
         let rate = d.abs().max_element();
+        // one sum tells all: infinite or not a number where any of them is
+        if !(rate > 0.0 && (o.dot(d) + t0).is_finite()) {
+            return None;
+        }
         let direction = (d / rate).as_vec3();
         let least = Vec3::splat(LEAST).copysign(direction);
         let guarded = Vec3::select(direction.abs().cmplt(Vec3::splat(LEAST)), least, direction);

@@ -35,15 +35,27 @@ pub fn write_preview(
         .iter()
         .flat_map(|p| to_linear_srgb(p.map(|v| v * gain)).map(srgb_byte))
         .collect();
-    write_atomic(path, |file| {
-        let mut encoder = png::Encoder::new(file, width, height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        let mut writer = encoder.write_header().map_err(io::Error::from)?;
-        writer.write_image_data(&bytes).map_err(io::Error::from)?;
-        writer.finish().map_err(io::Error::from)
-    })
+    write_atomic(path, |file| encode(file, width, height, &bytes))
+}
+
+/// A PNG image of 8-bit RGB pixels, rows from the top.
+///
+/// # Errors
+/// `rgb` has not three bytes per pixel.
+pub fn png_bytes(width: u32, height: u32, rgb: &[u8]) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    encode(&mut bytes, width, height, rgb)?;
+    Ok(bytes)
+}
+
+fn encode(out: impl io::Write, width: u32, height: u32, rgb: &[u8]) -> io::Result<()> {
+    let mut encoder = png::Encoder::new(out, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    let mut writer = encoder.write_header().map_err(io::Error::from)?;
+    writer.write_image_data(rgb).map_err(io::Error::from)?;
+    writer.finish().map_err(io::Error::from)
 }
 
 #[cfg(test)]

@@ -59,6 +59,16 @@ pub fn image_error(image: &[f64], reference: &[f64], width: usize) -> ImageError
     }
 }
 
+/// Mean of v²/(R² + 0.01): of differences their relMSE, of standard errors the relative variance. 0 without values.
+#[must_use]
+pub fn mean_relative_square(values: &[f64], reference: &[f64]) -> f64 {
+    let squares = values
+        .iter()
+        .zip(reference)
+        .map(|(v, r)| v * v / (r * r + REL_MSE_OFFSET));
+    squares.sum::<f64>() / values.len().max(1) as f64
+}
+
 fn fireflies(image: &[f64], reference: &[f64], width: usize, mean: f64) -> u64 {
     let height = reference.len() / width;
     let around =
@@ -104,6 +114,8 @@ mod tests {
         let logs = (1.51_f64 / 1.01).ln().powi(2) + (2.01_f64 / 1.01).ln().powi(2);
         assert!((error.log_rmse - (logs / 2.0).sqrt()).abs() < 1e-15);
         assert!((error.mean_ratio - 2.5 / 3.0).abs() < 1e-15);
+        let differences = mean_relative_square(&[0.5, -1.0], &[1.0, 2.0]);
+        assert!((differences - error.rel_mse).abs() < 1e-15);
     }
 
     #[test]

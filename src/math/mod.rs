@@ -3,6 +3,7 @@
 pub mod banding;
 #[cfg(test)]
 pub(crate) mod chi_square;
+pub mod convergence;
 pub mod distribution;
 pub mod frame;
 pub mod hash;

@@ -2,6 +2,7 @@
 
 pub mod bias;
 pub mod epsilon;
+pub mod forecast;
 pub mod guides;
 pub mod merging;
 pub mod outputs;

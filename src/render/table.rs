@@ -21,6 +21,17 @@ pub struct Row {
     pub weighted: f64,
 }
 
+/// What all strategies together found of one class.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClassShare {
+    /// The class.
+    pub class: PathClass,
+    /// Non-zero contributions.
+    pub hits: u64,
+    /// Share of the light of the image.
+    pub share: f64,
+}
+
 /// Rows by class and strategy (s, t).
 #[derive(Clone, Debug, Default)]
 pub struct ClassTable {
@@ -66,6 +77,30 @@ impl ClassTable {
     /// All rows, sorted by class, then strategy.
     pub fn rows(&self) -> impl Iterator<Item = (&(PathClass, u32, u32), &Row)> {
         self.rows.iter()
+    }
+
+    /// The classes that hold light but were hit fewer than `least_hits` times, the brightest first. What is known of them may be
+    /// far from the truth, without any sign of it in the noise of the image.
+    #[must_use]
+    pub fn rarely_hit(&self, least_hits: u64) -> Vec<ClassShare> {
+        let mut classes: BTreeMap<PathClass, (u64, f64)> = BTreeMap::new();
+        for ((class, _, _), row) in &self.rows {
+            let (hits, weighted) = classes.entry(*class).or_default();
+            *hits += row.hits;
+            *weighted += row.weighted;
+        }
+        let all: f64 = classes.values().map(|c| c.1).sum();
+        let mut rare: Vec<ClassShare> = classes
+            .into_iter()
+            .filter(|(_, (hits, weighted))| *hits < least_hits && *weighted > 0.0)
+            .map(|(class, (hits, weighted))| ClassShare {
+                class,
+                hits,
+                share: weighted / all,
+            })
+            .collect();
+        rare.sort_by(|a, b| b.share.total_cmp(&a.share));
+        rare
     }
 
     /// Whether nothing was counted.

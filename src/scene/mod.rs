@@ -3,6 +3,7 @@
 pub mod build;
 pub mod description;
 pub mod effects;
+pub mod frozen;
 pub mod moving;
 pub mod probe;
 pub mod regularization;

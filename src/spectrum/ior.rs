@@ -91,6 +91,15 @@ impl Ior {
         Self::new(Dispersion::Constant(n), None).named(format!("n = {n}"), "")
     }
 
+    /// The same material without dispersion: everywhere the index it has at `lambda_nm`; k stays what it is.
+    #[must_use]
+    pub fn constant_as_at(&self, lambda_nm: f64) -> Self {
+        Self {
+            dispersion: Dispersion::Constant(self.n(lambda_nm)),
+            ..self.clone()
+        }
+    }
+
     /// A refractiveindex.info formula (1 to 6, wavelengths in micrometers), fitted over `range_nm` (nanometers).
     ///
     /// # Errors

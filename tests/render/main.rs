@@ -8,6 +8,7 @@
 mod closed_forms;
 mod determinism;
 mod equality;
+mod hard_cases;
 mod harness;
 mod lanes;
 mod merging;

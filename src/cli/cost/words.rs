@@ -1,0 +1,125 @@
+//! What was measured, in sentences: each says whether a difference is more than noise.
+
+use super::super::readable::{duration, percent};
+use super::Outcomes;
+use super::matrix::BASE;
+use super::measure::{Spread, TARGETS, TimeTo};
+
+/// Standard errors that a difference must exceed to be more than noise.
+const SIGNIFICANT: f64 = 2.0;
+
+/// When an error is reached.
+#[must_use]
+pub fn time_to(time: &TimeTo) -> String {
+    match time {
+        TimeTo::Measured { cpu_seconds } => duration(*cpu_seconds),
+        TimeTo::Extrapolated { cpu_seconds } => format!("about {}", duration(*cpu_seconds)),
+        TimeTo::NotClaimed => "not claimed".to_owned(),
+        TimeTo::Unsteady => "unsteady".to_owned(),
+    }
+}
+
+/// Ratio of two means and its standard error; `None` for the error where a seed stands alone.
+fn ratio(a: Spread, b: Spread) -> (f64, Option<f64>) {
+    let relative = |s: Spread| Some(s.error? / s.mean);
+    let ratio = a.mean / b.mean;
+    let error = relative(a).zip(relative(b));
+    (ratio, error.map(|(x, y)| ratio * x.hypot(y)))
+}
+
+/// Two significant digits or so.
+fn digits(v: f64) -> String {
+    match v.abs() {
+        a if a >= 10.0 => format!("{v:.0}"),
+        a if a >= 1.0 => format!("{v:.1}"),
+        a if a >= 0.1 => format!("{v:.2}"),
+        _ => format!("{v:.1e}"),
+    }
+}
+
+/// "twice", "within noise", ... of one measure.
+fn compared(what: &str, a: Spread, b: Spread) -> String {
+    let (ratio, error) = ratio(a, b);
+    match error {
+        _ if !ratio.is_finite() || ratio <= 0.0 => format!("{what} cannot be compared"),
+        None => format!(
+            "{what} {} times (one seed: its noise is not known)",
+            digits(ratio)
+        ),
+        Some(e) if (ratio - 1.0).abs() <= SIGNIFICANT * e => {
+            format!(
+                "{what} the same within noise ({} ± {})",
+                digits(ratio),
+                digits(e)
+            )
+        }
+        Some(e) => format!("{what} {} ± {} times", digits(ratio), digits(e)),
+    }
+}
+
+/// What is said of each variant, against the scene as it is.
+#[must_use]
+pub fn sentences(results: &[Outcomes], reference_variance: Option<f64>) -> Vec<String> {
+    let mut out = vec![match reference_variance {
+        Some(v) => format!(
+            "The reference has a relative error of {} itself (from its halves); errors below it are not claimed.",
+            percent(v.sqrt())
+        ),
+        None => "The error of the reference is not known: what is measured against it includes it."
+            .to_owned(),
+    }];
+    let Some(base) = results.iter().find(|r| r.variant.id == BASE) else {
+        return out;
+    };
+    for result in results {
+        let s = &result.summary;
+        let mut text = format!("{}: ", result.variant.label);
+        if result.variant.id == BASE {
+            let targets: Vec<String> = TARGETS
+                .iter()
+                .zip(&s.time_to)
+                .map(|(t, time)| format!("{}: {}", percent(*t), time_to(time)))
+                .collect();
+            text += &format!(
+                "relative error {} at the end; CPU time to {}",
+                percent(s.final_error.mean),
+                targets.join(", ")
+            );
+        } else {
+            let b = &base.summary;
+            text += &compared("time per sample", s.pass_seconds, b.pass_seconds);
+            text += "; ";
+            let unit = "time to equal noise";
+            text += &compared(unit, s.unit_variance_seconds, b.unit_variance_seconds);
+        }
+        text += &if s.bias_noise > s.bias.max(1.0) {
+            "; its noise hides any bias".to_owned()
+        } else if s.bias <= s.bias_noise {
+            format!("; no bias above {}", percent(s.bias_noise))
+        } else {
+            format!(
+                "; a difference to the reference of {} would remain however long it runs (mean of the image {:+.1} %)",
+                percent(s.bias),
+                100.0 * (s.mean_ratio - 1.0)
+            )
+        };
+        text.push('.');
+        out.push(text);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_difference_within_noise_is_called_so() {
+        let spread = |mean, error| Spread { mean, error };
+        let text = |a, b| compared("time", a, b);
+        let base = spread(1.0, Some(0.1));
+        assert!(text(spread(1.2, Some(0.1)), base).contains("within noise"));
+        assert_eq!(text(spread(3.0, Some(0.1)), base), "time 3.0 ± 0.32 times");
+        assert!(text(spread(3.0, None), base).contains("not known"));
+    }
+}

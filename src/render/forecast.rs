@@ -1,0 +1,92 @@
+//! What the next digit costs: the estimated error of a render at doubling numbers of passes, and the time to a smaller one.
+
+use crate::math::convergence::{Point, Trend, trend};
+use std::time::Duration;
+
+/// Passes before the estimate of the error is worth keeping.
+const LEAST_PASSES: u64 = 4;
+
+/// Errors of a render as its passes double.
+#[derive(Clone, Debug, Default)]
+pub struct ErrorHistory {
+    points: Vec<Point>,
+}
+
+/// What is known of the time to a smaller error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Forecast {
+    /// Too few passes.
+    Unknown,
+    /// The error does not fall steadily.
+    Unsteady,
+    /// The time of all passes needed.
+    Takes(Duration),
+}
+
+impl ErrorHistory {
+    /// After a pass, `passes` in all: keeps the error where their number has doubled. `error` is asked for only then.
+    pub fn after_pass(&mut self, passes: u64, error: impl FnOnce() -> Option<f64>) {
+        if passes < LEAST_PASSES || !passes.is_power_of_two() {
+            return;
+        }
+        if let Some(error) = error() {
+            self.points.push(Point {
+                work: passes as f64,
+                error,
+            });
+        }
+    }
+
+    /// The time to `target`, for a render that has the error `error` after `passes` passes of the mean length `per_pass`.
+    #[must_use]
+    pub fn forecast(&self, passes: u64, error: f64, per_pass: Duration, target: f64) -> Forecast {
+        match trend(&self.points) {
+            Trend::Unknown => Forecast::Unknown,
+            Trend::Unsteady => Forecast::Unsteady,
+            Trend::Steady { rate } => {
+                let passes = passes as f64 * (error / target).powf(1.0 / rate);
+                Duration::try_from_secs_f64(passes * per_pass.as_secs_f64())
+                    .map_or(Forecast::Unknown, Forecast::Takes)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn history(error: impl Fn(u64) -> f64) -> ErrorHistory {
+        let mut history = ErrorHistory::default();
+        for passes in 1..=100 {
+            history.after_pass(passes, || Some(error(passes)));
+        }
+        history
+    }
+
+    #[test]
+    fn half_the_error_takes_four_times_as_long() {
+        let history = history(|p| 0.08 / (p as f64).sqrt());
+        assert_eq!(history.points.len(), 5, "4, 8, 16, 32, 64");
+        let Forecast::Takes(time) = history.forecast(100, 0.008, Duration::from_millis(480), 0.004)
+        else {
+            panic!("steady");
+        };
+        assert!((time.as_secs_f64() - 192.0).abs() < 1e-6, "{time:?}");
+    }
+
+    #[test]
+    fn fireflies_are_unsteady() {
+        let history = history(|p| {
+            if p >= 32 {
+                0.5
+            } else {
+                0.08 / (p as f64).sqrt()
+            }
+        });
+        let forecast = history.forecast(100, 0.5, Duration::from_secs(1), 0.25);
+        assert_eq!(forecast, Forecast::Unsteady);
+        let few = ErrorHistory::default().forecast(2, 0.5, Duration::from_secs(1), 0.25);
+        assert_eq!(few, Forecast::Unknown);
+    }
+}
