@@ -201,7 +201,7 @@ impl Pose {
         let stays = |pair: &[f64]| {
             let [_, _, bend] = scale.bounds(pair[0], pair[1], |s| s.abs().max_element());
             let h = pair[1] - pair[0];
-            let least = (scale.at(pair[0], false).abs()).min(scale.at(pair[1], true).abs());
+            let least = (scale.at(pair[0], false) * sign).min(scale.at(pair[1], true) * sign);
             least.min_element() > bend * h * h / 8.0
         };
         let fine: Vec<f64> = scale
