@@ -6,6 +6,10 @@ use std::time::Duration;
 /// Passes before the estimate of the error is worth keeping.
 const LEAST_PASSES: u64 = 4;
 
+/// Rates of the long run: 1/2 for independent samples, 1/3 where the noise is that of cones that shrink with the passes (variance in
+/// proportion to N^-1 ε^-2, ε to N^(-1/6)). What falls faster has filled strata, and will not go on so.
+const RATES: [f64; 2] = [1.0 / 3.0, 0.5];
+
 /// Errors of a render as its passes double.
 #[derive(Clone, Debug, Default)]
 pub struct ErrorHistory {
@@ -44,6 +48,7 @@ impl ErrorHistory {
             Trend::Unknown => Forecast::Unknown,
             Trend::Unsteady => Forecast::Unsteady,
             Trend::Steady { rate } => {
+                let rate = rate.clamp(RATES[0], RATES[1]);
                 let passes = passes as f64 * (error / target).powf(1.0 / rate);
                 Duration::try_from_secs_f64(passes * per_pass.as_secs_f64())
                     .map_or(Forecast::Unknown, Forecast::Takes)

@@ -9,6 +9,13 @@ use abbe::scene::settings::{Regularize, Settings};
 
 /// Renders a few passes: every value must be finite and not negative, and nothing may have been left out.
 fn sane(what: &str, scene: &Scene, settings: &Settings, passes: u32) -> f64 {
+    let (mean, mismatches) = sane_with_mismatches(what, scene, settings, passes);
+    assert_eq!(mismatches, 0, "{what}");
+    mean
+}
+
+/// The mean of Y, and how often a surface was met from an unexpected medium.
+fn sane_with_mismatches(what: &str, scene: &Scene, settings: &Settings, passes: u32) -> (f64, u64) {
     let request = OutputRequest::default();
     let mut render = Render::new(scene, 0, settings, full_crop(scene), &request);
     (0..passes).for_each(|pass| render.add_pass(pass));
@@ -19,7 +26,8 @@ fn sane(what: &str, scene: &Scene, settings: &Settings, passes: u32) -> f64 {
     let image = film.image(u64::from(passes));
     let bad = image.iter().filter(|v| !v.is_finite()).count();
     assert_eq!(bad, 0, "{what}: pixels that are not finite");
-    image.iter().skip(1).step_by(3).sum::<f64>() * 3.0 / image.len() as f64
+    let mean = image.iter().skip(1).step_by(3).sum::<f64>() * 3.0 / image.len() as f64;
+    (mean, render.counters().medium_mismatches)
 }
 
 /// Cones of every size between nothing and a half space, in both modes: nothing is infinite or not a number.
@@ -118,25 +126,32 @@ disk = { center = [0, 0, 2], normal = [0, 0, -1], radius = RADIUS }
 emission = RADIANCE
 "#;
 
-/// Two slabs that touch, or nearly: light passes as through one slab, or as with air between them, or in between; it neither gets
-/// lost nor is it reflected forever.
+/// Two slabs that overlap are one. Two that touch, exactly or nearly, are one, or two with air between them; or else the summary
+/// of the render says that surfaces were met from an unexpected medium. Nothing is infinite, and no ray goes on forever.
 #[test]
 fn surfaces_at_no_distance() {
     // (1 - R) / (1 + (2m - 1) R) of m slabs with R = 0.04 per face
     let (one, two) = (0.96 / 1.04, 0.96 / 1.12);
-    for second in ["1.0", "1.0000000000000002", "1.0000001", "1.1"] {
+    let mean = |second: &str, kind| {
         let (scene, settings) = scene(&SLABS.replace("SECOND", second));
-        let light = with(&settings, Light);
-        let through =
-            line_mean(&scene, 0, &light, 32, 6 * test_scale()).scaled(16.0 / std::f64::consts::PI);
-        println!("second slab at {second}: {through:?}, one slab {one}, two {two}");
-        assert!(through.error < 1e-3, "{through:?}");
-        let slack = 4.5 * through.error;
-        assert!(
-            (two - slack..=one + slack).contains(&through.mean),
-            "second slab at {second}: {through:?}, expected {two} to {one}"
-        );
-        sane(second, &scene, &with(&settings, Bdpt), 2);
+        let settings = with(&settings, kind);
+        sane_with_mismatches(second, &scene, &settings, 100 * test_scale())
+    };
+    let (apart, warned) = mean("1.1", Light);
+    assert_eq!(warned, 0);
+    for second in ["0.9", "1.0", "1.0000000000000002", "1.0000001"] {
+        for kind in [Light, Bdpt] {
+            let (through, warned) = mean(second, kind);
+            let through = two * through / apart;
+            println!("second slab at {second}: {through}, {warned} warnings");
+            // of 20 000 paths that meet the detector, each passes or not: 4.5 standard errors of 0.0025 each, of both images
+            let least = if second == "0.9" { one } else { two };
+            let within = (least - 0.016..=one + 0.016).contains(&through);
+            assert!(
+                within && warned == 0 || warned > 0 && second.starts_with("1.0"),
+                "second slab at {second} by {kind:?}: {through}, expected {least} to {one}; {warned} warnings"
+            );
+        }
     }
 }
 
@@ -144,7 +159,7 @@ const SLABS: &str = r#"
 [render]
 wavelengths = { line_nm = 550 }
 [[sensor]]
-resolution = [32, 32]
+resolution = [16, 16]
 detector = { center = [0, 0, 3], u = [-2, 0, 0], v = [0, 2, 0] }
 [medium.a]
 ior = 1.5

@@ -33,6 +33,7 @@ fn digits(v: f64) -> String {
         a if a >= 10.0 => format!("{v:.0}"),
         a if a >= 1.0 => format!("{v:.1}"),
         a if a >= 0.1 => format!("{v:.2}"),
+        a if a >= 0.01 => format!("{v:.3}"),
         _ => format!("{v:.1e}"),
     }
 }
