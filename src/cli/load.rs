@@ -136,9 +136,13 @@ impl Loaded {
 
     /// What the image says of the cones it was made with.
     #[must_use]
-    pub fn epsilon_attributes(&self, epsilon: &EpsilonChoice) -> BTreeMap<String, String> {
+    pub fn epsilon_attributes(
+        &self,
+        epsilon: &EpsilonChoice,
+        tells_bias: bool,
+    ) -> BTreeMap<String, String> {
         let settings = &self.settings.regularization;
-        let odd = if settings.bias_estimate {
+        let odd = if tells_bias {
             ", of odd passes the one before's over sqrt 2"
         } else {
             ""

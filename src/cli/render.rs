@@ -64,7 +64,7 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         .collect::<Result<Vec<_>, _>>()?;
     let request = output_request(options, &loaded);
     if options.aov.iter().any(|a| matches!(a, Aov::Bias))
-        && !loaded.settings.regularization.bias_estimate
+        && loaded.settings.regularization.bias_estimate != Some(true)
     {
         return Err(CliError::Usage(
             "the layer bias needs --set render.bias_estimate=true".to_owned(),
@@ -475,7 +475,7 @@ impl Job<'_> {
     fn image_attributes(&self, sensor: usize, render: &Render) -> BTreeMap<String, String> {
         let mut attributes = self.loaded.image_attributes(sensor);
         if let Some(epsilon) = render.epsilon() {
-            attributes.extend(self.loaded.epsilon_attributes(epsilon));
+            attributes.extend(self.loaded.epsilon_attributes(epsilon, render.tells_bias()));
         }
         if let Some(radius) = render.radius() {
             attributes.extend(self.loaded.merging_attributes(radius));

@@ -154,11 +154,21 @@ impl<'a> Render<'a> {
         let first = self.epsilon.as_ref()?.epsilon;
         let settings = &self.frame.settings.regularization;
         let scheduled = |i| scheduled_epsilon(first, settings.epsilon_min, i);
-        Some(if settings.bias_estimate && index & 1 == 1 {
+        Some(if self.tells_bias() && index & 1 == 1 {
             scheduled(index - 1) * std::f64::consts::FRAC_1_SQRT_2
         } else {
             scheduled(index)
         })
+    }
+
+    /// Whether a regularized render alternates between two cones, so that its halves tell the bias.
+    #[must_use]
+    pub fn tells_bias(&self) -> bool {
+        let sensor = &self.frame.scene.sensors[self.frame.sensor];
+        let settings = &self.frame.settings.regularization;
+        settings
+            .bias_estimate
+            .unwrap_or_else(|| sensor.camera.is_hittable())
     }
 
     /// Whether specular vertices are connectible, and why.
@@ -279,9 +289,7 @@ impl<'a> Render<'a> {
     /// Estimated bias of regularization, where the passes alternate between two cones.
     #[must_use]
     pub fn bias(&self) -> Option<bias::BiasEstimate> {
-        self.epsilon
-            .as_ref()
-            .filter(|_| self.frame.settings.regularization.bias_estimate)?;
+        self.epsilon.as_ref().filter(|_| self.tells_bias())?;
         let [even, odd] = self.pass_counts();
         bias::bias_estimate(&self.outputs.image, even, odd)
     }

@@ -131,8 +131,9 @@ pub struct Regularization {
     pub epsilon_min: f64,
     /// Factor β in (0, 1] per regularized vertex on the weight of strategies, for paths that also have unbiased ones.
     pub bias_weight: f64,
-    /// Odd passes use ε/√2, so that the halves of the passes tell the bias.
-    pub bias_estimate: bool,
+    /// Odd passes use ε/√2, so that the halves of the passes tell the bias; `None`: where the sensor is a detector, of which exact
+    /// numbers are expected.
+    pub bias_estimate: Option<bool>,
 }
 
 impl Default for Regularization {
@@ -143,7 +144,7 @@ impl Default for Regularization {
             epsilon: None,
             epsilon_min: 0.0,
             bias_weight: 1.0,
-            bias_estimate: false,
+            bias_estimate: None,
         }
     }
 }

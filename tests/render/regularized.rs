@@ -19,6 +19,7 @@ fn regularized(settings: &Settings, mode: Regularize, epsilon: f64) -> Settings 
             mode,
             epsilon: Some(epsilon),
             epsilon_min: epsilon,
+            bias_estimate: Some(false),
             ..settings.regularization
         },
         ..settings.clone()

@@ -127,7 +127,7 @@ impl Checker<'_> {
                 .map_or(defaults.bias_weight, |v| {
                     self.number("bias_weight", v, PROBABILITY)
                 }),
-            bias_estimate: render.bias_estimate.unwrap_or(defaults.bias_estimate),
+            bias_estimate: render.bias_estimate,
         }
     }
 
