@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
+use strsim::levenshtein;
 
 use thiserror::Error;
 
@@ -331,7 +332,7 @@ impl Library {
 pub fn suggestions<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Vec<String> {
     let limit = (name.chars().count() / 3).max(2);
     let mut near: Vec<(usize, &str)> = candidates
-        .map(|c| (edit_distance(&name.to_lowercase(), &c.to_lowercase()), c))
+        .map(|c| (levenshtein(&name.to_lowercase(), &c.to_lowercase()), c))
         .filter(|(distance, _)| *distance <= limit)
         .collect();
     near.sort_unstable();
@@ -340,22 +341,6 @@ pub fn suggestions<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) ->
         .take(3)
         .map(|(_, c)| c.to_owned())
         .collect()
-}
-
-/// Levenshtein distance.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, &cb) in b.iter().enumerate() {
-            let substitute = diagonal + usize::from(ca != cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substitute.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -392,7 +377,6 @@ mod tests {
             "unknown spectrum `nothing-like-it`"
         );
         assert!(matches!(library.curve("Hg"), Err(LibraryError::Lines(_))));
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
     }
 
     #[test]

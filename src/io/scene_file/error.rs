@@ -3,6 +3,7 @@
 //! Variants are told apart by who must act: a typing mistake, a value, a file on disk.
 
 use std::fmt;
+use strsim::levenshtein;
 
 /// What is wrong at one place of a scene file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -132,26 +133,10 @@ fn nearest(name: &str, known: &[String]) -> Option<String> {
     let limit = (typed.chars().count() / 3).max(1);
     known
         .iter()
-        .map(|k| (edit_distance(&typed, &k.to_lowercase()), k))
+        .map(|k| (levenshtein(&typed, &k.to_lowercase()), k))
         .filter(|(d, _)| *d <= limit)
         .min()
         .map(|(_, k)| k.clone())
-}
-
-/// Levenshtein distance in characters.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(ca != *cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 /// Where a problem is.
@@ -240,19 +225,6 @@ impl fmt::Display for SceneFileErrors {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn edit_distance_counts_changes() {
-        for (a, b, d) in [
-            ("", "abc", 3),
-            ("kitten", "sitting", 3),
-            ("flaw", "lawn", 2),
-            ("same", "same", 0),
-        ] {
-            assert_eq!(edit_distance(a, b), d, "{a} {b}");
-            assert_eq!(edit_distance(b, a), d, "{b} {a}");
-        }
-    }
 
     #[test]
     fn suggests_only_near_names() {
