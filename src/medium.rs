@@ -73,12 +73,14 @@ impl Medium {
 }
 
 impl MediumLanes {
-    /// Beer-Lambert transmittance over `distance` (m).
+    /// Beer-Lambert transmittance over `distance` (m); 1 over an infinite one, for light from infinity is given as it arrives.
     #[must_use]
     pub fn transmittance(&self, distance: f64) -> SampledSpectrum {
         match &self.absorption {
-            None => SampledSpectrum::ONE,
-            Some(a) => SampledSpectrum::from_fn(|j| (-a[j] * distance).exp() as f32),
+            Some(a) if distance.is_finite() => {
+                SampledSpectrum::from_fn(|j| (-a[j] * distance).exp() as f32)
+            }
+            _ => SampledSpectrum::ONE,
         }
     }
 }

@@ -84,6 +84,23 @@ pub struct SensorConnection {
     pub importance: f64,
 }
 
+/// How wide a pixel is along the rays through it.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelWidth {
+    /// At the sensor, in metres.
+    offset: f64,
+    /// Growth per length: the angle between the rays of neighboring pixels, in radians.
+    angle: f64,
+}
+
+impl PixelWidth {
+    /// After a path of `length` metres.
+    #[must_use]
+    pub fn at(&self, length: f64) -> f64 {
+        self.offset + self.angle * length
+    }
+}
+
 /// A camera or detector.
 #[derive(Clone, Debug)]
 pub enum Camera {
@@ -135,6 +152,17 @@ impl Camera {
             Self::Perspective(camera) => camera.sample_ray(raster, u_lens, time),
             Self::Orthographic(camera) => camera.sample_ray(raster, time),
             Self::Detector(detector) => detector.sample_ray(raster, u_lens, time),
+        }
+    }
+
+    /// Width of the pixel at a raster position.
+    #[must_use]
+    pub fn pixel_width(&self, raster: DVec2, time: f64) -> PixelWidth {
+        let at = |raster| self.sample_ray(raster, DVec2::splat(0.5), time);
+        let (here, next) = (at(raster), at(raster + DVec2::X));
+        PixelWidth {
+            offset: here.xk.p.distance(next.xk.p),
+            angle: here.direction.angle_between(next.direction),
         }
     }
 

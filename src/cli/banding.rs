@@ -102,13 +102,7 @@ fn measure(options: &BandingOptions) -> Result<(Vec<Row>, Memory, Crop), CliErro
             .sensor_index(name)
             .ok_or_else(|| CliError::Usage(format!("unknown sensor \"{name}\"")))?,
     };
-    let size = loaded.scene.sensors[sensor].camera.resolution();
-    let crop = Crop {
-        x0: 0,
-        y0: 0,
-        x1: size.width,
-        y1: size.height,
-    };
+    let crop = loaded.scene.sensors[sensor].whole_film();
     let study = Study {
         options,
         sensor,

@@ -64,12 +64,7 @@ pub fn bands(
     (width, height): (u32, u32),
     lines: &ColorLines,
 ) -> Result<[Banding; 3], CliError> {
-    let region = lines.region.unwrap_or(Crop {
-        x0: 0,
-        y0: 0,
-        x1: width,
-        y1: height,
-    });
+    let region = lines.region.unwrap_or(Crop::whole(width, height));
     if region.x1 > width || region.y1 > height {
         return Err(CliError::Usage(format!(
             "region {},{},{},{} reaches beyond an image of {width} x {height} pixels",

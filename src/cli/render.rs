@@ -192,12 +192,7 @@ fn crop(options: &RenderOptions, loaded: &Loaded, sensor: usize) -> Result<Crop,
     let sensor = &loaded.scene.sensors[sensor];
     let size = sensor.camera.resolution();
     match options.crop {
-        None => Ok(Crop {
-            x0: 0,
-            y0: 0,
-            x1: size.width,
-            y1: size.height,
-        }),
+        None => Ok(sensor.whole_film()),
         Some(crop) if crop.x1 <= size.width && crop.y1 <= size.height => Ok(crop),
         Some(crop) => Err(CliError::Usage(format!(
             "crop {},{},{},{} reaches beyond sensor \"{}\" of {} x {} pixels",

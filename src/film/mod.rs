@@ -28,6 +28,17 @@ pub struct Crop {
 }
 
 impl Crop {
+    /// All of a film of `width` x `height` pixels.
+    #[must_use]
+    pub fn whole(width: u32, height: u32) -> Self {
+        Self {
+            x0: 0,
+            y0: 0,
+            x1: width,
+            y1: height,
+        }
+    }
+
     /// Number of pixels.
     #[must_use]
     pub fn pixels(&self) -> u64 {

@@ -76,12 +76,7 @@ fn box_splats_land_in_one_pixel() {
 
 #[test]
 fn a_uniform_field_of_splats_is_flat_to_the_corners() {
-    let crop = Crop {
-        x0: 0,
-        y0: 0,
-        x1: 4,
-        y1: 3,
-    };
+    let crop = Crop::whole(4, 3);
     for filter in [
         Filter::Box,
         Filter::Tent { radius: 1.5 },
@@ -125,12 +120,7 @@ fn images_are_means_over_passes() {
 #[test]
 fn standard_error_predicts_the_spread() {
     // 5 even and 4 odd passes of uniform noise on a constant image
-    let crop = Crop {
-        x0: 0,
-        y0: 0,
-        x1: 60,
-        y1: 60,
-    };
+    let crop = Crop::whole(60, 60);
     let film = Film::new(crop, Filter::Box, 1);
     let mut i = 0;
     for pass in 0..9 {

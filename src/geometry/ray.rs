@@ -47,6 +47,16 @@ impl Ray {
             ..Self::new(o, d, time)
         }
     }
+
+    /// The segment of `length` that ends on the surface `end` (if any).
+    #[must_use]
+    pub fn ending(self, length: f64, end: Option<SurfaceId>) -> Self {
+        Self {
+            t_max: length,
+            end,
+            ..self
+        }
+    }
 }
 
 /// A ray in the own space of one instance; its parameter is still the distance in the world.

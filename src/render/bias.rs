@@ -66,12 +66,7 @@ mod tests {
 
     #[test]
     fn a_planted_bias_is_found_and_noise_is_not() {
-        let crop = Crop {
-            x0: 0,
-            y0: 0,
-            x1: 64,
-            y1: 64,
-        };
+        let crop = Crop::whole(64, 64);
         let estimate = |planted: f64| {
             let film = Film::new(crop, Filter::Box, 3);
             for i in 0..64 * 64 {

@@ -59,13 +59,7 @@ pub fn choose(frame: &Frame, response: &SensorResponse) -> EpsilonChoice {
         seed: 0,
         ..frame.settings.clone()
     };
-    let resolution = frame.scene.sensors[frame.sensor].camera.resolution();
-    let whole = Crop {
-        x0: 0,
-        y0: 0,
-        x1: resolution.width,
-        y1: resolution.height,
-    };
+    let whole = frame.scene.sensors[frame.sensor].whole_film();
     let pilot = Pilot {
         frame: Frame::new(frame.scene, frame.sensor, &settings, &whole, false),
         response,
@@ -145,10 +139,7 @@ impl Pilot<'_> {
         let sensor = &self.frame.scene.sensors[self.frame.sensor];
         let time = sensor.shutter.at(0.5);
         let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-        let at = |raster| sensor.camera.sample_ray(raster, DVec2::splat(0.5), time);
-        let (here, next) = (at(raster), at(raster + DVec2::X));
-        let offset = 0.5 * here.xk.p.distance(next.xk.p);
-        let half_angle = 0.5 * here.direction.angle_between(next.direction);
+        let width = sensor.camera.pixel_width(raster, time);
         let specular = |i: usize| path.densities[i + 1].label != Label::NonSpecular;
         let mut found = Vec::new();
         let mut length = 0.0;
@@ -165,9 +156,8 @@ impl Pilot<'_> {
             } else {
                 (j, length)
             };
-            let pixel = offset + half_angle * along;
             found.push((
-                BLUR_PIXELS * pixel / vertex.distance,
+                BLUR_PIXELS * 0.5 * width.at(along) / vertex.distance,
                 0.5 * self.light_angle(path.vertices[s].point.p),
             ));
         }

@@ -6,6 +6,7 @@
 //!
 //! Invariant: r₁ is a function of scene and settings without the seed, so that all parts of a render agree.
 
+use super::pilot::{PASS, SAMPLES, lattice};
 use crate::film::{Crop, SensorResponse};
 use crate::integrator::{Frame, PhotonTracer, Workspace, sample_pixel};
 use crate::math::hash::{combine, random_bits, unit_f64};
@@ -23,10 +24,6 @@ const PIXELS: f64 = 2.0;
 const SHARE: f64 = 0.003;
 /// No radius is smaller than this share of the scene's radius, which positions of photons resolve.
 const LEAST_SHARE: f64 = 1e-5;
-/// Samples of the pilot.
-const SAMPLES: u32 = 1024;
-/// Its pass index, which no render reaches.
-const PASS: u32 = u32::MAX;
 
 /// A choice of r₁.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,19 +87,6 @@ impl SharedWavelengths {
     }
 }
 
-/// Pixels spread over the crop (the R2 lattice).
-fn lattice(crop: &Crop) -> impl Iterator<Item = (u32, u32)> {
-    let (x0, y0, width, height) = (crop.x0, crop.y0, crop.width(), crop.height());
-    (0..SAMPLES).map(move |i| {
-        let u = (f64::from(i) * 0.754_877_666_246_692_8 + 0.5).fract();
-        let v = (f64::from(i) * 0.569_840_290_998_053_3 + 0.5).fract();
-        (
-            x0 + (u * f64::from(width)) as u32,
-            y0 + (v * f64::from(height)) as u32,
-        )
-    })
-}
-
 /// Chooses r₁ for a sensor.
 #[must_use]
 pub fn choose_radius(frame: &Frame, response: &SensorResponse) -> RadiusChoice {
@@ -120,13 +104,7 @@ pub fn choose_radius(frame: &Frame, response: &SensorResponse) -> RadiusChoice {
             seed: 0,
             ..frame.settings.clone()
         };
-        let resolution = camera.resolution();
-        let whole = Crop {
-            x0: 0,
-            y0: 0,
-            x1: resolution.width,
-            y1: resolution.height,
-        };
+        let whole = scene.sensors[frame.sensor].whole_film();
         let pilot = Frame::new(scene, frame.sensor, &settings, &whole, false);
         let pass = PassSettings {
             index: PASS,
@@ -137,15 +115,12 @@ pub fn choose_radius(frame: &Frame, response: &SensorResponse) -> RadiusChoice {
             sample_pixel(&pilot, &pass, (x, y), response, &mut workspace);
             let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let time = scene.sensors[frame.sensor].shutter.at(0.5);
-            let at = |raster| camera.sample_ray(raster, DVec2::splat(0.5), time);
-            let (here, next) = (at(raster), at(raster + DVec2::X));
-            let offset = here.xk.p.distance(next.xk.p);
-            let angle = here.direction.angle_between(next.direction);
+            let width = camera.pixel_width(raster, time);
             let mut length = 0.0;
             for vertex in &workspace.camera_subpath().vertices {
                 length += vertex.distance;
                 if vertex.bsdf.has_non_specular() {
-                    widths.push(offset + angle * length);
+                    widths.push(width.at(length));
                     break;
                 }
             }
@@ -259,17 +234,5 @@ mod tests {
     fn gaps_reach_to_the_ends_of_the_range() {
         let found = SharedWavelengths::new(vec![500.0, 420.0, 500.0], [400.0, 700.0]);
         assert_eq!((found.distinct, found.largest_gap_nm), (2, 200.0));
-    }
-
-    #[test]
-    fn the_lattice_stays_in_the_crop() {
-        let crop = Crop {
-            x0: 3,
-            y0: 5,
-            x1: 10,
-            y1: 7,
-        };
-        assert!(lattice(&crop).all(|(x, y)| crop.contains(x, y)));
-        assert_eq!(lattice(&crop).count(), SAMPLES as usize);
     }
 }

@@ -14,7 +14,7 @@ pub use description::SceneDescription;
 pub use settings::Settings;
 
 use crate::camera::Camera;
-use crate::film::Filter;
+use crate::film::{Crop, Filter};
 use crate::geometry::{Accel, InstanceId, Ray, Shutter, SurfacePoint};
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightContext, LightId};
@@ -60,6 +60,15 @@ pub struct Sensor {
     pub shutter: Shutter,
     /// The solids it is in.
     pub stack: MediumStack,
+}
+
+impl Sensor {
+    /// All pixels of its film.
+    #[must_use]
+    pub fn whole_film(&self) -> Crop {
+        let size = self.camera.resolution();
+        Crop::whole(size.width, size.height)
+    }
 }
 
 /// Everything the transport needs.

@@ -88,18 +88,15 @@ pub fn light_end_factor(light: &Light, x0: &EndPoint, toward: DVec3, distance: f
     }
 }
 
-/// What turns a density of direction at vertex `i` of a sub-path into a density of the vertex before it; `at_end` says so of the end
-/// point.
-#[must_use]
-pub fn factor_before(path: &Subpath, i: usize, at_end: impl FnOnce() -> f64) -> f64 {
-    let vertex = &path.vertices[i];
-    match i.checked_sub(1) {
-        Some(previous) => {
-            let normal = path.vertices[previous].point.ng;
-            vertex.toward_previous.dot(normal).abs() / (vertex.distance * vertex.distance)
-        }
-        None => at_end(),
-    }
+/// The labels an end of the joining edge can have, at most one of each kind.
+#[derive(Clone, Copy, Debug)]
+enum EndKind {
+    NonSpecular,
+    Specular,
+}
+
+impl EndKind {
+    const ALL: [Self; 2] = [Self::NonSpecular, Self::Specular];
 }
 
 /// How an end of the joining edge scatters under one label.
@@ -190,12 +187,18 @@ impl<'a> Joiner<'a> {
         })
     }
 
-    /// The labels under which a vertex scatters between ω⁻ and ω⁺: at most one of each kind.
-    fn ends(&self, vertex: &Vertex, w_light: DVec3, w_camera: DVec3) -> [Option<EndKernel>; 2] {
-        [
-            self.non_specular_end(vertex, w_light, w_camera),
-            self.specular_end(vertex, w_light, w_camera),
-        ]
+    /// How a vertex scatters between ω⁻ and ω⁺ under its label of a kind.
+    fn end(
+        &self,
+        kind: EndKind,
+        vertex: &Vertex,
+        w_light: DVec3,
+        w_camera: DVec3,
+    ) -> Option<EndKernel> {
+        match kind {
+            EndKind::NonSpecular => self.non_specular_end(vertex, w_light, w_camera),
+            EndKind::Specular => self.specular_end(vertex, w_light, w_camera),
+        }
     }
 
     fn light(&self, id: LightId) -> &'a Light {
@@ -299,7 +302,7 @@ impl<'a> Joiner<'a> {
     #[must_use]
     pub fn camera_before_factor(&self, camera: &Subpath, j: usize) -> f64 {
         let vertex = &camera.vertices[j];
-        factor_before(camera, j, || {
+        camera.factor_before(j, || {
             self.sensor_end_factor(&camera.origin, vertex.toward_previous, vertex.distance)
         })
     }
@@ -307,7 +310,7 @@ impl<'a> Joiner<'a> {
     /// Density `pr` of the vertex before light vertex `i` (x₀ for i = 0), from the density of direction at `i`.
     fn light_before(&self, light: &Subpath, i: usize, reverse: &EdgeDensity) -> EdgeDensity {
         let vertex = &light.vertices[i];
-        let factor = factor_before(light, i, || match light.light {
+        let factor = light.factor_before(i, || match light.light {
             Some(id) => light_end_factor(
                 self.light(id),
                 &light.origin,
@@ -468,11 +471,8 @@ impl<'a> Joiner<'a> {
                 * w.dot(b.point.ns).abs()
                 / d2,
         );
-        let ray = Ray {
-            t_max: distance,
-            end: Some(b.point.id),
-            ..Ray::leaving(a.point.p, w, self.context.time, Some(a.point.id))
-        };
+        let ray = Ray::leaving(a.point.p, w, self.context.time, Some(a.point.id))
+            .ending(distance, Some(b.point.id));
         self.finish(&numerator, &strategy, Some((&ray, &region)));
     }
 

@@ -1,8 +1,9 @@
 //! The terms of all strategies of a path: the one place that knows how strategies are weighted.
 //!
 //! For the executed strategy s the contribution is `T_L T_C g' g' η² G V Tr / Σ_{s'} ρ_{s'} m(s')` with `ρ_{s'} = P̃_{s'}/P̃_s` and
-//! `m(s') = n_{s'} · A^{N_r(s')} · c(s') · [executed]`, N_r the number of specular vertices at the joint: the ratios are walked outward from the joined edge, dividing only by densities
-//! of vertices that were really generated, so nothing is ever divided by zero and 1/A is never formed.
+//! `m(s') = n_{s'} · A^{N_r(s')} · c(s') · [executed]`, N_r the number of specular vertices at the joint. The ratios are walked
+//! outward from the joined edge, dividing only by densities of vertices that were really generated, so nothing is ever divided by
+//! zero and 1/A is never formed.
 //!
 //! Photon merging at a non-specular x_i adds the term `ρ_i pf_i π r² N_L c`: x_i is generated from both sides (Georgiev et al.,
 //! "Light Transport Simulation with Vertex Connection and Merging", 2012, eq. 10).

@@ -6,7 +6,7 @@
 //! Invariant: a function of the sub-paths and the order in which they were added, not of the threads that traced them.
 
 use super::class::PathClass;
-use super::connect::{factor_before, light_end_factor};
+use super::connect::light_end_factor;
 use super::context::PathContext;
 use super::density::NO_COLUMN;
 use super::merge::{MergeSide, SideTerms, side_terms};
@@ -171,7 +171,7 @@ impl PhotonBuffer {
                 && !weight.is_black(count)
                 && weight.0[..count].iter().all(|v| v.is_finite());
             if usable {
-                let factor = factor_before(light, i, || {
+                let factor = light.factor_before(i, || {
                     light_end_factor(
                         source,
                         &light.origin,

@@ -168,6 +168,19 @@ impl Subpath {
         }
     }
 
+    /// What turns a density of direction at vertex `i` into a density of the vertex before it; `at_end` says so of the start.
+    #[must_use]
+    pub fn factor_before(&self, i: usize, at_end: impl FnOnce() -> f64) -> f64 {
+        let vertex = &self.vertices[i];
+        match i.checked_sub(1) {
+            Some(previous) => {
+                let normal = self.vertices[previous].point.ng;
+                vertex.toward_previous.dot(normal).abs() / (vertex.distance * vertex.distance)
+            }
+            None => at_end(),
+        }
+    }
+
     /// Stores a density's columns, if it has any.
     pub fn store_column(&mut self, density: &EdgeDensity) -> u32 {
         match density.lanes {

@@ -97,8 +97,8 @@ pub fn walk(
     } = start;
     let reference = throughput.max_lane(context.count());
     let mut travel = Travel::Start(pdf);
-    // distance passed through surfaces that are no vertices
-    let mut passed = 0.0;
+    // distance passed since the last vertex, through surfaces that are none
+    let mut passed = if infinite { f64::INFINITY } else { 0.0 };
     loop {
         counters.closest_rays += 1;
         let Some(hit) = scene.accel.closest(&ray, |_| true) else {
@@ -126,7 +126,7 @@ pub fn walk(
         }
         if object.sensor == Some(context.sensor) && generate == Side::Camera {
             record_sensor_hit(
-                context, path, &point, ray.d, distance, &stack, &travel, infinite, throughput,
+                context, path, &point, ray.d, distance, &stack, &travel, throughput,
             );
         }
         if object.sensor.is_some() {
@@ -154,10 +154,7 @@ pub fn walk(
             return;
         }
 
-        // light from infinity is given as it arrives
-        if !(infinite && path.vertices.is_empty()) {
-            throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
-        }
+        throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
         let geometric_cos = ray.d.dot(point.ng).abs();
         let own = travel.area_density(geometric_cos, distance * distance);
         let (here, there) = (stack.region(), behind.region());
@@ -187,11 +184,7 @@ pub fn walk(
             frame: Frame::from_z(point.ns),
             regions,
             toward_previous: -ray.d,
-            distance: if infinite && path.vertices.is_empty() {
-                f64::INFINITY
-            } else {
-                distance
-            },
+            distance,
             throughput,
             light: object.light,
             point,
@@ -296,14 +289,7 @@ fn finish_previous(
     reverse: &EdgeDensity,
     end_factor: &impl Fn(&Vertex) -> f64,
 ) {
-    let vertex = &path.vertices[index];
-    let factor = match index.checked_sub(1) {
-        None => end_factor(vertex),
-        Some(previous) => {
-            let normal = path.vertices[previous].point.ng;
-            vertex.toward_previous.dot(normal).abs() / (vertex.distance * vertex.distance)
-        }
-    };
+    let factor = path.factor_before(index, || end_factor(&path.vertices[index]));
     let other = reverse.scaled(factor);
     let column = path.store_column(&other);
     path.densities[index].other = other.hero;
@@ -320,22 +306,16 @@ fn record_sensor_hit(
     distance: f64,
     stack: &MediumStack,
     travel: &Travel,
-    infinite: bool,
     throughput: Throughput,
 ) {
     let sensor = &context.scene.sensors[context.sensor];
     let Some((raster, importance)) = sensor.camera.arrive(point, -direction, context.time) else {
         return;
     };
-    let distance_counted = if infinite && path.vertices.is_empty() {
-        f64::INFINITY
-    } else {
-        distance
-    };
     let own = travel.area_density(direction.dot(point.ng).abs(), distance * distance);
     let mut density = VertexDensity::new(own.hero);
     density.own_column = path.store_column(&own);
-    density.length = distance_counted as f32;
+    density.length = distance as f32;
     path.sensor_hits.push(SensorHit {
         depth: path.vertices.len(),
         xk: EndPoint {
@@ -347,13 +327,9 @@ fn record_sensor_hit(
         raster,
         importance,
         toward_previous: -direction,
-        distance: distance_counted,
+        distance,
         medium: stack.medium(),
         density,
-        throughput: if distance_counted.is_finite() {
-            throughput.times(&context.medium(stack.medium()).transmittance(distance))
-        } else {
-            throughput
-        },
+        throughput: throughput.times(&context.medium(stack.medium()).transmittance(distance)),
     });
 }

@@ -15,12 +15,7 @@ pub fn valid_exr() -> Vec<u8> {
         "integrator".to_owned(),
         exr::MetadataValue::Text("bdpt".to_owned()),
     ));
-    let crop = Crop {
-        x0: 0,
-        y0: 0,
-        x1: 8,
-        y1: 6,
-    };
+    let crop = Crop::whole(8, 6);
     let image = exr::ExrImage {
         width: 8,
         height: 6,

@@ -37,13 +37,7 @@ pub fn render(text: &str, request: &OutputRequest) -> Rendered {
 pub fn render_crop(text: &str, crop: Option<Crop>, request: &OutputRequest) -> Rendered {
     let loaded = parse_str(text, Path::new(".")).unwrap_or_else(|e| panic!("{e}"));
     let scene = Scene::build(loaded.description).unwrap();
-    let size = scene.sensors[0].camera.resolution();
-    let crop = crop.unwrap_or(Crop {
-        x0: 0,
-        y0: 0,
-        x1: size.width,
-        y1: size.height,
-    });
+    let crop = crop.unwrap_or(scene.sensors[0].whole_film());
     let mut render = Render::new(&scene, 0, &loaded.settings, crop, request);
     let passes = loaded.settings.spp;
     (0..passes).for_each(|pass| render.add_pass(pass));

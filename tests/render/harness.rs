@@ -91,13 +91,7 @@ pub fn scene_in(folder: &Path, text: &str) -> (Scene, Settings) {
 }
 
 pub fn full_crop(scene: &Scene) -> Crop {
-    let resolution = scene.sensors[0].camera.resolution();
-    Crop {
-        x0: 0,
-        y0: 0,
-        x1: resolution.width,
-        y1: resolution.height,
-    }
+    scene.sensors[0].whole_film()
 }
 
 /// What one series of batches measured.
@@ -242,13 +236,7 @@ pub fn line_images(
 ) -> Vec<Vec<Vec<f64>>> {
     let lines: Vec<f64> = scene.wavelengths.atoms().map(|atom| atom.0).collect();
     let count = lines.len();
-    let resolution = scene.sensors[sensor].camera.resolution();
-    let crop = Crop {
-        x0: 0,
-        y0: 0,
-        x1: resolution.width,
-        y1: resolution.height,
-    };
+    let crop = scene.sensors[sensor].whole_film();
     let response = SensorResponse::Spectral(SpectralChannels::new([360.0, 830.0], 0, lines));
     let request = OutputRequest {
         spectral: Some(response),

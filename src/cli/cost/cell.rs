@@ -126,7 +126,7 @@ impl Plan<'_> {
         seconds: f64,
     ) -> Result<Option<(u64, Vec<Snapshot>)>, CliError> {
         let mut clock = Clock::start();
-        let crop = super::whole(&loaded.scene.sensors[self.sensor]);
+        let crop = loaded.scene.sensors[self.sensor].whole_film();
         let request = OutputRequest {
             response: match loaded.units {
                 OutputUnits::Radiance => SensorResponse::Xyz,

@@ -67,7 +67,7 @@ impl<'a> Base<'a> {
     pub fn new(loaded: &'a Loaded, sensor: usize) -> Self {
         let regularization = decide(&loaded.scene, sensor, &loaded.settings);
         let epsilon = regularization.mode.is_some().then(|| {
-            let crop = super::whole(&loaded.scene.sensors[sensor]);
+            let crop = loaded.scene.sensors[sensor].whole_film();
             let request = OutputRequest::default();
             let render = Render::new(&loaded.scene, sensor, &loaded.settings, crop, &request);
             render.epsilon().cloned()

@@ -16,10 +16,8 @@ use super::interrupt::Interrupt;
 use super::load::{self, Loaded};
 use super::readable::duration;
 use super::{CliError, Outcome, print};
-use crate::film::Crop;
 use crate::io::atomic::{FileError, write_atomic};
 use crate::math::image_error::mean_relative_square;
-use crate::scene::Sensor;
 use cell::{Cell, Plan};
 use matrix::{Base, Variant};
 use measure::{Luminance, Measured, Summary};
@@ -31,17 +29,6 @@ use std::path::{Path, PathBuf};
 const REFERENCE_BUDGETS: f64 = 8.0;
 /// Seeds of the cells count from 1; the reference has one that no cell has.
 const REFERENCE_SEED: u64 = 1_000_003;
-
-/// All pixels of a sensor.
-fn whole(sensor: &Sensor) -> Crop {
-    let size = sensor.camera.resolution();
-    Crop {
-        x0: 0,
-        y0: 0,
-        x1: size.width,
-        y1: size.height,
-    }
-}
 
 /// A variant with all that was measured of it.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ mod cases;
 
 use super::{Frame, Workspace, sample_pixel};
 use crate::bsdf::{Bsdf, Label, Lobe};
-use crate::film::{Crop, SensorResponse};
+use crate::film::SensorResponse;
 use crate::geometry::{EndPoint, Hit, Ray, SurfaceId};
 use crate::io::scene_file::parse_str;
 use crate::light::{HitMeasure, Light, LightId};
@@ -454,12 +454,7 @@ fn check(
     };
     let scene = Scene::build(loaded.description).unwrap();
     let resolution = scene.sensors[0].camera.resolution();
-    let crop = Crop {
-        x0: 0,
-        y0: 0,
-        x1: resolution.width,
-        y1: resolution.height,
-    };
+    let crop = scene.sensors[0].whole_film();
     let frame = Frame::new(&scene, 0, &settings, &crop, false);
     let mut workspace = Workspace::default();
     let mut strategies: BTreeMap<(usize, usize), usize> = BTreeMap::new();

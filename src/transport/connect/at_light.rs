@@ -1,6 +1,6 @@
 //! Strategies that end on a light: camera sub-paths that hit one (s = 0) or are connected to one (s = 1).
 
-use super::{Joiner, Strategy, end_point, light_end_factor};
+use super::{EndKind, Joiner, Strategy, end_point, light_end_factor};
 use crate::geometry::{EndPoint, Ray};
 use crate::light::{HitMeasure, LightId};
 use crate::medium::MediumId;
@@ -162,21 +162,17 @@ impl Joiner<'_> {
         }
         let cos = direct.toward.dot(vertex.point.ng).abs();
         let factor = light_end_factor(self.light(id), &direct.x0, direct.toward, direct.distance);
-        let ray = Ray {
-            t_max: direct.distance,
-            end: direct.x0.surface,
-            ..Ray::leaving(
-                vertex.point.p,
-                direct.toward,
-                self.context.time,
-                Some(vertex.point.id),
-            )
-        };
-        for end in self
-            .ends(vertex, direct.toward, vertex.toward_previous)
-            .iter()
-            .flatten()
-        {
+        let ray = Ray::leaving(
+            vertex.point.p,
+            direct.toward,
+            self.context.time,
+            Some(vertex.point.id),
+        )
+        .ending(direct.distance, direct.x0.surface);
+        for kind in EndKind::ALL {
+            let Some(end) = self.end(kind, vertex, direct.toward, vertex.toward_previous) else {
+                continue;
+            };
             let (pf0, pf1) = self.emission(id, &direct.x0, -direct.toward, cos, direct.distance);
             let edge = Edge {
                 light_end: end.backward.scaled(factor),
@@ -200,19 +196,13 @@ impl Joiner<'_> {
                 },
                 target: Target::OwnPixel,
             };
-            let transmittance = if direct.distance.is_finite() {
-                self.context
-                    .medium(region.medium)
-                    .transmittance(direct.distance)
-            } else {
-                SampledSpectrum::ONE
-            };
+            let medium = self.context.medium(region.medium);
             let numerator = Self::numerator(
                 &[
                     &vertex.throughput.lanes,
                     &end.kernel,
                     &direct.value,
-                    &transmittance,
+                    &medium.transmittance(direct.distance),
                 ],
                 vertex.throughput.scale * direct.toward.dot(vertex.point.ns).abs() / probability,
             );
@@ -273,21 +263,15 @@ impl Joiner<'_> {
             },
             target: Target::OwnPixel,
         };
-        let transmittance = if direct.distance.is_finite() {
-            self.context
-                .medium(camera.region.medium)
-                .transmittance(direct.distance)
-        } else {
-            SampledSpectrum::ONE
-        };
+        let medium = self.context.medium(camera.region.medium);
         // the sample's weight is W_e π / pdf: without the π of its direction it is W_e / pdf
         let scale = weight / std::f64::consts::PI * cos / probability;
-        let numerator = Self::numerator(&[&direct.value, &transmittance], scale);
-        let ray = Ray {
-            t_max: direct.distance,
-            end: direct.x0.surface,
-            ..Ray::leaving(xk.p, direct.toward, self.context.time, xk.surface)
-        };
+        let numerator = Self::numerator(
+            &[&direct.value, &medium.transmittance(direct.distance)],
+            scale,
+        );
+        let ray = Ray::leaving(xk.p, direct.toward, self.context.time, xk.surface)
+            .ending(direct.distance, direct.x0.surface);
         self.finish(&numerator, &strategy, Some((&ray, &camera.region)));
     }
 }

@@ -1,6 +1,6 @@
 //! Strategies that end on the sensor: light sub-paths that hit it (t = 0) or are connected to it (t = 1).
 
-use super::{Joiner, Strategy, light_end_factor};
+use super::{EndKind, Joiner, Strategy, light_end_factor};
 use crate::geometry::{Ray, SurfacePoint};
 use crate::light::HitMeasure;
 use crate::transport::contribution::Target;
@@ -37,21 +37,17 @@ impl Joiner<'_> {
         self.counters.connections_tried += 1;
         let cos = toward.dot(vertex.point.ng).abs();
         let d2 = connection.distance * connection.distance;
-        let ray = Ray {
-            t_max: connection.distance,
-            end: connection.xk.surface,
-            ..Ray::leaving(
-                vertex.point.p,
-                toward,
-                self.context.time,
-                Some(vertex.point.id),
-            )
-        };
-        for end in self
-            .ends(vertex, vertex.toward_previous, toward)
-            .iter()
-            .flatten()
-        {
+        let ray = Ray::leaving(
+            vertex.point.p,
+            toward,
+            self.context.time,
+            Some(vertex.point.id),
+        )
+        .ending(connection.distance, connection.xk.surface);
+        for kind in EndKind::ALL {
+            let Some(end) = self.end(kind, vertex, vertex.toward_previous, toward) else {
+                continue;
+            };
             let (_, direction_density) =
                 sensor
                     .camera
@@ -180,16 +176,13 @@ impl Joiner<'_> {
             &[&radiance, &transmittance],
             connection.importance * cos / pf0,
         );
-        let ray = Ray {
-            t_max: connection.distance,
-            end: connection.xk.surface,
-            ..Ray::leaving(
-                light.origin.p,
-                toward,
-                self.context.time,
-                light.origin.surface,
-            )
-        };
+        let ray = Ray::leaving(
+            light.origin.p,
+            toward,
+            self.context.time,
+            light.origin.surface,
+        )
+        .ending(connection.distance, connection.xk.surface);
         self.finish(&numerator, &strategy, Some((&ray, &light.region)));
     }
 
