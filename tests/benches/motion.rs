@@ -2,7 +2,7 @@
 //! changes its form.
 //!
 //! A sphere of 39,600 triangles with edges of about 0.03. Rays are chords between random points of a sphere about it, at random
-//! times. Deforming: all vertices go the same way, by half an edge, 5 and 25 edges. Run on one thread.
+//! times, [`PATH`] after one another at the same time like those of a path. Deforming: all vertices go the same way, by half an edge, 5 and 25 edges. Run on one thread.
 
 use abbe::geometry::deforming::{self, Frame};
 use abbe::geometry::pose::{Pose, Rotation};
@@ -18,6 +18,8 @@ use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
 const RAYS: u64 = 50_000;
+/// Rays of one moment; a pair of sub-paths in `scenes/bench/motion.toml` takes more.
+const PATH: u64 = 8;
 const SHUTTER: Shutter = Shutter {
     open_s: 0.0,
     close_s: 1.0,
@@ -119,11 +121,14 @@ fn on_sphere(u: f64, v: f64) -> DVec3 {
 /// A thing alone, and the same chords in its own space wherever it is at the time of the ray.
 fn prepare(shape: Shape, transform: Transform) -> (Accel, Vec<Ray>) {
     let mut next = numbers();
+    let mut time = 0.0;
     let rays = (0..RAYS)
-        .map(|_| {
+        .map(|i| {
+            if i % PATH == 0 {
+                time = next();
+            }
             let mut end = || on_sphere(next(), next()) * 1.02;
             let (a, b) = (end(), end());
-            let time = next();
             let place = transform.at(time).to_world;
             let (a, b) = (place.transform_point3(a), place.transform_point3(b));
             Ray::new(a, (b - a).normalize(), time)
