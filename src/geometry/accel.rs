@@ -59,11 +59,11 @@ impl Accel {
     #[inline]
     fn local(&self, ray: &Ray, id: InstanceId, t_max: f64) -> (&Shape, LocalRay) {
         let instance = &self.instances[id.0 as usize];
-        let to_object = instance.transform.at(ray.time).to_object;
+        let placement = instance.transform.at(ray.time);
         let extent = instance.shape.extent();
         (
             &instance.shape,
-            LocalRay::new(ray, id, &to_object, t_max, extent),
+            LocalRay::new(ray, id, &placement.to_object, t_max, extent),
         )
     }
 

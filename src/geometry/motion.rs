@@ -10,6 +10,7 @@
 
 use super::pose::Pose;
 use glam::{DAffine3, DMat3, DVec3};
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -72,7 +73,7 @@ impl Placement {
 }
 
 /// Where a thing is at each moment of the shutter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Transform {
     /// It does not move.
     Static(Placement),
@@ -117,10 +118,10 @@ impl Transform {
     /// The placement at `time` (seconds).
     #[must_use]
     #[inline]
-    pub fn at(&self, time: f64) -> Placement {
+    pub fn at(&self, time: f64) -> Cow<'_, Placement> {
         match self {
-            Self::Static(p) => *p,
-            Self::Moving(motion) => motion.placement(time),
+            Self::Static(placement) => Cow::Borrowed(placement),
+            Self::Moving(motion) => Cow::Owned(motion.placement(time)),
         }
     }
 
@@ -161,6 +162,12 @@ pub struct Motion {
     shutter: Shutter,
     /// Its name in [`LATEST`], which copies share.
     id: usize,
+}
+
+impl PartialEq for Motion {
+    fn eq(&self, other: &Self) -> bool {
+        self.links == other.links && self.shutter == other.shutter
+    }
 }
 
 /// Motions there were so far.

@@ -8,7 +8,7 @@
 //! Invariant: boxes only ever cull, and never what a ray touches. They live in a frame in which the tree fills -1..1; a
 //! ray is advanced in f64 to the bounds before it is rounded, so that planes are at most 2 and a little away. With
 //! u = 2^-24, the distance of a plane then errs by u (start of the ray) + 2u (corner of the node from it) + 2u (plane from it),
-//! the quotient by 4u (direction and its inverse) + 2u more, together 7e-7 at most, and boxes are padded by more.
+//! the quotient by 2u (inverse direction) + 2u more, together 6e-7 at most, and boxes are padded by more.
 
 use super::tree_build;
 use glam::{DVec3, Vec3, Vec3A, Vec4};
@@ -17,15 +17,15 @@ use std::ops::Range;
 
 /// Added to boxes in the frame of the tree, which has coordinates up to 1; the bounds take twice that.
 const PADDING: f64 = 1e-6;
-/// Components of directions (of which the longest is 1) below this are as good as zero.
-const LEAST: f32 = 1e-12;
+/// Components of directions (of which the longest is 1) below 1 / this are as good as zero.
+const MOST: f64 = 1e12;
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
 /// Most boxes in a tree, and in one of its leaves.
 pub(super) const LIMIT: usize = 1 << 29;
 pub(super) const LEAF_LIMIT: usize = 4;
-/// Pending children that need no allocation; the tree over a million triangles has at most 60.
-const STACK: usize = 96;
+/// Pending children of a tree over a few things, and those that need no allocation (a million triangles: at most 60).
+const STACKS: [usize; 2] = [16, 96];
 
 /// Eight boxes and what they hold: on each axis, steps of a power of two from a corner (Ylitie, Karras and Laine).
 /// Unused ones are inside out, and never hit.
@@ -167,14 +167,12 @@ impl Tree {
         if !(rate > 0.0 && (o.dot(d) + t0).is_finite()) {
             return None;
         }
-        let direction = (d / rate).as_vec3();
-        let least = Vec3::splat(LEAST).copysign(direction);
-        let guarded = Vec3::select(direction.abs().cmplt(Vec3::splat(LEAST)), least, direction);
+        let inv_direction = (inv * rate).clamp(DVec3::splat(-MOST), DVec3::splat(MOST));
         let mut entry = Entry {
             t: t0,
             origin: (o + d * t0).as_vec3(),
-            inv_direction: guarded.recip(),
-            negative: guarded.to_array().map(|x| x < 0.0),
+            inv_direction: inv_direction.as_vec3(),
+            negative: inv_direction.to_array().map(|x| x < 0.0),
             rate,
             limit: f32::INFINITY,
         };
@@ -227,11 +225,15 @@ impl Tree {
     ) {
         // What is still to be visited, nearest last: distance in the upper half (positive floats sort like their bits),
         // child in the lower.
-        let (mut few, mut many) = ([0u64; STACK], Vec::new());
-        let pending = if self.pending <= STACK {
+        let (mut few, mut some, mut many);
+        let pending = if self.pending <= STACKS[0] {
+            few = [0u64; STACKS[0]];
             few.as_mut_slice()
+        } else if self.pending <= STACKS[1] {
+            some = [0u64; STACKS[1]];
+            some.as_mut_slice()
         } else {
-            many.resize(self.pending, 0);
+            many = vec![0u64; self.pending];
             many.as_mut_slice()
         };
         let mut limit = entry.limit;
@@ -326,9 +328,7 @@ impl Node {
                 exponent += 1;
             }
             node.exponents[axis] = exponent;
-            let steps = |x: f32| {
-                (f64::from(x) - f64::from(low[axis])) / f64::from(step(exponent))
-            };
+            let steps = |x: f32| (f64::from(x) - f64::from(low[axis])) / f64::from(step(exponent));
             for (slot, (l, h, _)) in members.clone().enumerate() {
                 node.planes[axis][0][slot] = steps(l[axis]).floor() as u8;
                 node.planes[axis][1][slot] = steps(h[axis]).ceil() as u8;
@@ -366,7 +366,8 @@ impl Node {
             let plane = |axis: usize, high: bool| {
                 let steps = &self.planes[axis][usize::from(high)][4 * half..][..4];
                 let steps = Vec4::from_array(std::array::from_fn(|i| f32::from(steps[i])));
-                let from_start = steps * Vec4::splat(step(self.exponents[axis])) + Vec4::splat(o[axis]);
+                let from_start =
+                    steps * Vec4::splat(step(self.exponents[axis])) + Vec4::splat(o[axis]);
                 from_start * Vec4::splat(inv[axis])
             };
             let [x, y, z] = entry.negative;
