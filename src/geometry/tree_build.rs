@@ -63,7 +63,6 @@ pub(super) fn build(
 
 fn binary_tree(count: usize, leaf_size: usize, bounds: impl Fn(usize) -> (Vec3A, Vec3A)) -> Bvh2 {
     let mut tree = Bvh2::zeroed(count);
-    tree.primitive_indices = (0..count as u32).collect();
     let mut total = Aabb::empty();
     let mut builder = PlocBuilder::new();
     builder.current_nodes = (0..count)
@@ -81,6 +80,7 @@ fn binary_tree(count: usize, leaf_size: usize, bounds: impl Fn(usize) -> (Vec3A,
         SHORT_PASSES,
     );
     drop(builder);
+    tree.primitive_indices = (0..count as u32).collect();
     let [before, after] = REINSERTED;
     ReinsertionOptimizer::default().run(&mut tree, before, None);
     if leaf_size > 1 {
