@@ -1,6 +1,6 @@
 //! Triangle meshes: vertices in f32, intersected watertight in f64.
 //!
-//! Corners take 36 bytes per triangle, in the order of the leaves of the tree, and the tree about 17; indices are kept
+//! Corners take 36 bytes per triangle, in the order of the leaves of the tree, and the tree about 5; indices are kept
 //! only where normals or texture coordinates need them.
 
 use super::ray::LocalRay;

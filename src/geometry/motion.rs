@@ -374,6 +374,25 @@ mod tests {
     }
 
     #[test]
+    fn kept_placements_are_those_of_the_thing_and_the_moment_asked_for() {
+        // more things than are kept, asked for in turns
+        let things: Vec<_> = (0..40)
+            .map(|i| {
+                let shift = DAffine3::from_translation(DVec3::Y * f64::from(i));
+                Transform::chain(&[Link::Fixed(shift), slide()], SHUTTER)
+            })
+            .collect();
+        for time in [0.25, 0.5, 0.5, 0.25] {
+            for (i, thing) in things.iter().enumerate() {
+                for thing in [thing, &thing.clone()] {
+                    let at = thing.at(time).to_world.translation;
+                    assert_eq!(at, dvec3(time, i as f64, 0.0));
+                }
+            }
+        }
+    }
+
+    #[test]
     fn what_does_not_move_within_the_shutter_is_static() {
         let late = Shutter {
             open_s: 3.0,
