@@ -12,7 +12,6 @@ use super::density::NO_COLUMN;
 use super::merge::{MergeSide, SideTerms, side_terms};
 use super::subpath::Subpath;
 use super::techniques::Techniques;
-use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use glam::DVec3;
 
 /// Bits of the number of a sub-path: a film has at most 2^28 pixels.
@@ -132,10 +131,17 @@ impl PhotonBuffer {
         self.photons.is_empty()
     }
 
-    /// Gives back memory beyond what it holds.
-    pub fn shrink_to_fit(&mut self) {
-        self.photons.shrink_to_fit();
-        self.lanes.shrink_to_fit();
+    /// Makes room for `factor` times what it holds.
+    pub fn reserve_times(&mut self, factor: usize) {
+        let more = factor.saturating_sub(1);
+        self.photons.reserve(self.photons.len() * more);
+        self.lanes.reserve(self.lanes.len() * more);
+    }
+
+    /// Adds the vertices of another.
+    pub fn append(&mut self, other: &Self) {
+        self.photons.extend_from_slice(&other.photons);
+        self.lanes.extend_from_slice(&other.lanes);
     }
 
     /// Adds the vertices of a light sub-path at which paths can be merged.
@@ -206,7 +212,13 @@ impl PhotonBuffer {
     }
 }
 
-/// All stored vertices of a pass.
+/// Cells of a block along each axis, as a power of 2.
+const BLOCK_BITS: u32 = 2;
+/// Cells of a block.
+const BLOCK: usize = 1 << (3 * BLOCK_BITS);
+
+/// All stored vertices of a pass, by the cells of a grid. The grid is cut into blocks of 4 x 4 x 4 cells; a hash finds the place of a
+/// block, so that neighbors in space are mostly neighbors in memory.
 #[derive(Debug)]
 pub struct PhotonMap {
     photons: Vec<Photon>,
@@ -219,62 +231,60 @@ pub struct PhotonMap {
 }
 
 impl PhotonMap {
-    /// Sorts buffers into a grid of cells 2 `radius` wide; `lanes` wavelengths per photon. `None` beyond 2^32 - 1 photons.
+    /// Sorts stored vertices into a grid of cells 2 `radius` wide; `lanes` wavelengths per photon. Takes no memory beyond what is
+    /// held after it. `None` beyond 2^32 - 1 photons.
     #[must_use]
     pub fn build(
-        buffers: Vec<PhotonBuffer>,
+        mut buffer: PhotonBuffer,
         lanes: usize,
         center: DVec3,
         radius: f64,
     ) -> Option<Self> {
-        let count: usize = buffers.iter().map(PhotonBuffer::len).sum();
-        u32::try_from(count).ok()?;
+        u32::try_from(buffer.len()).ok()?;
+        buffer.photons.shrink_to_fit();
+        buffer.lanes.shrink_to_fit();
+        let blocks = buffer.len().div_ceil(BLOCK).max(1);
         let mut map = Self {
-            photons: Vec::with_capacity(count),
-            lanes: Vec::with_capacity(count * lanes),
+            starts: vec![0; blocks * BLOCK + 1],
+            photons: buffer.photons,
+            lanes: buffer.lanes,
             stride: lanes,
-            starts: vec![0; count.max(1) + 1],
             center,
             radius,
         };
-        for buffer in buffers {
-            map.photons.extend_from_slice(&buffer.photons);
-            map.lanes.extend_from_slice(&buffer.lanes);
-        }
         map.sort();
         Some(map)
     }
 
     /// Brings the photons into the order of their buckets, in place.
     fn sort(&mut self) {
-        let mut places: Vec<u32> = self
-            .photons
-            .iter()
-            .map(|p| self.bucket(self.cell(DVec3::from_array(p.position.map(f64::from)))))
-            .collect();
-        for &bucket in &places {
-            self.starts[bucket as usize + 1] += 1;
+        for photon in &self.photons {
+            let bucket = self.bucket_of(photon);
+            self.starts[bucket] += 1;
         }
-        for i in 1..self.starts.len() {
-            self.starts[i] += self.starts[i - 1];
+        let mut end = 0;
+        for start in &mut self.starts {
+            end += *start;
+            *start = end;
         }
-        let mut next = self.starts.clone();
-        for place in &mut places {
-            let bucket = *place as usize;
-            *place = next[bucket];
-            next[bucket] += 1;
-        }
-        drop(next);
-        for i in 0..places.len() {
-            while places[i] as usize != i {
-                let to = places[i] as usize;
-                self.photons.swap(i, to);
-                for lane in 0..self.stride {
-                    self.lanes
-                        .swap(i * self.stride + lane, to * self.stride + lane);
+        // buckets are filled from their ends; all places before i are final
+        for i in 0..self.photons.len() {
+            loop {
+                let bucket = self.bucket_of(&self.photons[i]);
+                if i >= self.starts[bucket] as usize {
+                    break;
                 }
-                places.swap(i, to);
+                self.starts[bucket] -= 1;
+                self.swap(i, self.starts[bucket] as usize);
             }
+        }
+    }
+
+    fn swap(&mut self, i: usize, j: usize) {
+        self.photons.swap(i, j);
+        for lane in 0..self.stride {
+            self.lanes
+                .swap(i * self.stride + lane, j * self.stride + lane);
         }
     }
 
@@ -286,16 +296,22 @@ impl PhotonMap {
             .map(|v| v as i64)
     }
 
-    fn bucket(&self, [x, y, z]: [i64; 3]) -> u32 {
-        let mixed = (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
-            ^ (y as u64)
-                .wrapping_mul(0xc2b2_ae3d_27d4_eb4f)
-                .rotate_left(21)
-            ^ (z as u64)
-                .wrapping_mul(0x1656_67b1_9e37_79f9)
-                .rotate_left(42);
-        let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 32;
-        ((mixed * (self.starts.len() as u64 - 1)) >> 32) as u32
+    fn bucket_of(&self, photon: &Photon) -> usize {
+        self.bucket(self.cell(DVec3::from_array(photon.position.map(f64::from))))
+    }
+
+    /// The place of a cell: that of its block, and one in it. Blocks that share a place are unlikely to have it for like cells.
+    fn bucket(&self, cell: [i64; 3]) -> usize {
+        let [x, y, z] = cell.map(|v| (v >> BLOCK_BITS) as u64);
+        let mixed = x.wrapping_mul(0x9e37_79b9_7f4a_7c15)
+            ^ y.wrapping_mul(0xc2b2_ae3d_27d4_eb4f).rotate_left(21)
+            ^ z.wrapping_mul(0x1656_67b1_9e37_79f9).rotate_left(42);
+        let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let blocks = (self.starts.len() / BLOCK) as u64;
+        let block = ((mixed >> 32) * blocks) >> 32;
+        let [x, y, z] = cell.map(|v| v as usize & ((1 << BLOCK_BITS) - 1));
+        let inner = (z << BLOCK_BITS | y) << BLOCK_BITS | x;
+        block as usize * BLOCK + (inner ^ mixed as usize % BLOCK)
     }
 
     /// Number of photons.
@@ -319,27 +335,27 @@ impl PhotonMap {
     }
 
     /// Calls `f` for every photon nearer to `p` than the radius, with its weight, in an order that is always the same.
-    pub fn for_each_near(&self, p: DVec3, mut f: impl FnMut(&Photon, &SampledSpectrum)) {
+    pub fn for_each_near(&self, p: DVec3, mut f: impl FnMut(&Photon, &[f32])) {
         let offset = p - self.center;
         let [x, y, z] = self.cell(offset - self.radius);
-        let mut seen = [u32::MAX; 8];
-        for i in 0..8 {
-            let bucket = self.bucket([x + (i & 1), y + (i >> 1 & 1), z + (i >> 2)]);
-            if seen[..i as usize].contains(&bucket) {
+        let buckets: [usize; 8] = std::array::from_fn(|i| {
+            let i = i as i64;
+            self.bucket([x + (i & 1), y + (i >> 1 & 1), z + (i >> 2)])
+        });
+        // all at once, so that the memory is waited for once
+        let ranges = buckets.map(|b| self.starts[b] as usize..self.starts[b + 1] as usize);
+        for (i, range) in ranges.into_iter().enumerate() {
+            if buckets[..i].contains(&buckets[i]) {
                 continue;
             }
-            seen[i as usize] = bucket;
-            let range =
-                self.starts[bucket as usize] as usize..self.starts[bucket as usize + 1] as usize;
             for index in range {
                 let photon = &self.photons[index];
                 let distance = DVec3::from_array(photon.position.map(f64::from)) - offset;
                 if distance.length_squared() < self.radius * self.radius {
-                    let mut weight = [0.0; MAX_LANES];
-                    weight[..self.stride].copy_from_slice(
+                    f(
+                        photon,
                         &self.lanes[index * self.stride..(index + 1) * self.stride],
                     );
-                    f(photon, &SampledSpectrum(weight));
                 }
             }
         }
@@ -379,7 +395,7 @@ mod tests {
         let center = DVec3::new(10.0, -3.0, 5.0);
         for radius in [0.03, 0.2, 1.5] {
             let all = random(3000);
-            let map = PhotonMap::build(vec![random(3000)], 2, center, radius).expect("few");
+            let map = PhotonMap::build(random(3000), 2, center, radius).expect("few");
             assert_eq!(map.len(), 3000);
             let mut total = 0;
             for i in 0..300 {
@@ -394,7 +410,7 @@ mod tests {
                 map.for_each_near(center + at, |photon, weight| {
                     assert!(found.insert(photon.path()), "found twice");
                     assert_eq!(photon.depth(), photon.path() as usize % 7);
-                    assert_eq!(weight.0[..2], [photon.path() as f32, 0.5]);
+                    assert_eq!(weight, [photon.path() as f32, 0.5]);
                 });
                 assert_eq!(found, expected);
                 total += found.len();
@@ -435,7 +451,7 @@ mod tests {
 
     #[test]
     fn an_empty_map_holds_nothing() {
-        let map = PhotonMap::build(Vec::new(), 4, DVec3::ZERO, 0.1).expect("none");
+        let map = PhotonMap::build(PhotonBuffer::default(), 4, DVec3::ZERO, 0.1).expect("none");
         assert!(map.is_empty());
         map.for_each_near(DVec3::ONE, |_, _| panic!("found"));
     }

@@ -239,6 +239,43 @@ fn failures_are_explained() {
 }
 
 #[test]
+fn photons_take_the_memory_that_was_announced() {
+    let dir = folder();
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/bench/closed_room.toml");
+    let render = |options: &str| {
+        let scene = scene.display();
+        let stdout = succeed(
+            dir.path(),
+            &format!("render {scene} --spp 1 --threads 2 --stats s.json -o a.exr {options}"),
+        );
+        let stats = std::fs::read_to_string(dir.path().join("s.json")).expect("stats");
+        let stats: serde_json::Value = serde_json::from_str(&stats).expect("JSON");
+        (stdout, stats)
+    };
+    let peak = |stats: &serde_json::Value| stats["peak_memory_bytes"].as_f64();
+    let (_, without) = render("--integrator path --set render.max_depth=1");
+    let (stdout, with) = render("--integrator ppm");
+    let (Some(peak_without), Some(peak_with)) = (peak(&without), peak(&with)) else {
+        // only Linux tells
+        return;
+    };
+    let announced = stdout
+        .split_once("about ")
+        .and_then(|(_, rest)| rest.split_once(" MiB in a pass"))
+        .and_then(|(number, _)| number.parse::<f64>().ok());
+    let announced = announced.expect("a line about photons") * 1048576.0;
+    let held = with["sensors"][0]["merging"]["bytes"]
+        .as_f64()
+        .expect("bytes");
+    let used = peak_with - peak_without;
+    println!("announced {announced}, held {held}, process grew by {used}");
+    // 550,000 vertices of 60 B; the pilot has 4096 light sub-paths, so a standard error of 1 %
+    assert!(held > 3e7);
+    assert!((announced / held - 1.0).abs() < 0.04);
+    assert!((used / held - 1.0).abs() < 0.05);
+}
+
+#[test]
 fn an_unwritable_place_is_found_before_rendering() {
     let dir = folder();
     std::fs::create_dir(dir.path().join("scene.exr")).expect("folder");

@@ -132,7 +132,16 @@ impl<'a> Base<'a> {
                 let keys = [("integrator", name), ("regularize", "off")];
                 methods.push(Variant::new(name, name, CostGroup::Methods, &keys));
             }
-            if self.effect("specular") && name == "bdpt" && !same(name, true) {
+            if name == "vcm" {
+                let keys = [
+                    ("integrator", name),
+                    ("regularize", "off"),
+                    ("sharing", "stratified"),
+                ];
+                let (id, label) = ("vcm-stratified", "vcm, stratified passes");
+                methods.push(Variant::new(id, label, CostGroup::Methods, &keys));
+            }
+            if self.effect("specular") && ["bdpt", "vcm"].contains(&name) && !same(name, true) {
                 let (id, label) = (format!("{name}-mis"), format!("{name}, regularized"));
                 let keys = [("integrator", name), ("regularize", "mis")];
                 methods.push(Variant::new(&id, &label, CostGroup::Methods, &keys));
