@@ -362,7 +362,7 @@ fn the_error_falls_with_passes() {
     let bias = |passes| mean(passes, -1.0 / 3.0).powi(2);
     let span = f64::ln(96.0 / 6.0);
     let slope = |few: f64, many: f64| (many / few).ln() / span;
-    let expected = [variance, bias].map(|of: fn(u32) -> f64| slope(of(6), of(96)));
+    let expected = [slope(variance(6), variance(96)), slope(bias(6), bias(96))];
     let few = square_errors(&scene, &settings, (6, 16), &reference);
     let many = square_errors(&scene, &settings, (96, 6), &reference);
     let found = slope(few.mean, many.mean);

@@ -62,7 +62,7 @@ impl Joiner<'_> {
         let w_camera = vertex.frame.to_local(vertex.toward_previous);
         let (map, accepts) = (photons.map, photons.accepts);
         let (mut found, mut sum) = (false, [0.0; MAX_LANES]);
-        map.for_each_near(vertex.point.p, |photon, weight| {
+        map.for_each_near(vertex.point.p, |photon| {
             let depth = photon.depth();
             if depth + 1 + j > self.max_depth || !accepts.is_none_or(|f| f(photon.path())) {
                 return;
@@ -87,7 +87,7 @@ impl Joiner<'_> {
             };
             let scale = vertex.throughput.scale * vertex.light_side_correction(w);
             let (mut values, mut lanes) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
-            for (k, &weight) in weight.iter().enumerate() {
+            for (k, weight) in photon.weight().enumerate() {
                 let numerator = vertex.throughput.lanes[k] * weight * eval.g[k];
                 values[k] = scale * f64::from(numerator);
                 lanes[k] = values[k] * factors[k];
