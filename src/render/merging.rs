@@ -25,9 +25,9 @@ const SHARE: f64 = 0.003;
 /// No radius is smaller than this share of the scene's radius, which positions of photons resolve.
 const LEAST_SHARE: f64 = 1e-5;
 /// Pixels whose light sub-paths one thread traces in one go.
-const RUN: usize = 64;
+const RUN: usize = 32;
 /// Parts of a pass's light sub-paths, of which one is in memory twice for a moment.
-const BATCHES: usize = 16;
+const BATCHES: usize = 64;
 /// Passes whose light sub-paths tell how many vertices are stored.
 const PILOT_PASSES: u32 = 4;
 
@@ -212,7 +212,8 @@ pub fn trace_photons(
             counters.add(run);
         }
         if start == 0 {
-            all.reserve_times(BATCHES + 1);
+            // batches differ; room that is not used takes no memory
+            all.reserve_times(BATCHES + BATCHES / 8);
         }
     }
     let radius = pass.merge_radius.unwrap_or(0.0);
