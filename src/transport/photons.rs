@@ -355,7 +355,7 @@ impl PhotonMap {
         let block = ((mixed >> 32) * blocks) >> 32;
         let [x, y, z] = cell.map(|v| v as usize & ((1 << BLOCK_BITS) - 1));
         let inner = (z << BLOCK_BITS | y) << BLOCK_BITS | x;
-        block as usize * BLOCK + (inner ^ mixed as usize % BLOCK)
+        block as usize * BLOCK + (inner ^ (mixed as usize % BLOCK))
     }
 
     /// Number of photons.
