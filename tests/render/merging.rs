@@ -241,7 +241,7 @@ fn classic_scenes_look_the_same_in_all_modes() {
         settings.merging.sharing = Sharing::Stratified;
         let bdpt = run(&scene, &settings, Bdpt, 12, &[]);
         // a glossy floor is hard for merging alone
-        for (kind, passes, resolution) in [(Vcm, 8, 0.03), (Bpm, 16, 0.1), (Ppm, 16, 0.1)] {
+        for (kind, passes, resolution) in [(Vcm, 8, 0.05), (Bpm, 16, 0.12), (Ppm, 16, 0.12)] {
             let merged = run(&scene, &settings, kind, passes, &[]);
             agree(&format!("{what}, {kind:?}"), &merged.y, &bdpt.y, resolution);
         }
