@@ -270,7 +270,8 @@ fn photons_take_the_memory_that_was_announced() {
     let held = all_held - held(&first).expect("bytes");
     if let (Some(more), Some(less)) = (peak(&all), peak(&first)) {
         println!("process {more} and {less}, holding {held} more");
-        assert!(((more - less) / held - 1.0).abs() < 0.05);
+        // one batch of light sub-paths is held twice for a moment, and longer paths take scratch: 1.1 to 1.7 MB
+        assert!(more - less > 0.98 * held && more - less < 1.02 * held + 2e6);
     }
 }
 
