@@ -20,6 +20,7 @@ use crate::render::guides::Guide;
 use crate::render::stop::{StopReason, StopRules};
 use crate::render::{OutputRequest, PhotonMemory, Render};
 use crate::scene::Scene;
+use std::cell::LazyCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::ops::Range;
@@ -349,7 +350,8 @@ impl Job<'_> {
             let pass_start = Instant::now();
             render.add_pass(pass);
             rendered = count;
-            history.after_pass(render.passes().len() as u64, || render.relative_error());
+            let error = LazyCell::new(|| render.relative_error());
+            history.after_pass(render.passes().len() as u64, || *error);
             let counters = render.counters();
             progress.update(
                 count,
@@ -364,9 +366,7 @@ impl Job<'_> {
                 Some(StopReason::Interrupted)
             } else {
                 self.rules
-                    .check(render.passes().len(), start.elapsed(), || {
-                        render.relative_error()
-                    })
+                    .check(render.passes().len(), start.elapsed(), || *error)
             };
             if let Some(reason) = reason {
                 stop = reason;

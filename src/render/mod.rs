@@ -299,10 +299,10 @@ impl<'a> Render<'a> {
     #[must_use]
     pub fn relative_error(&self) -> Option<f64> {
         let [even, odd] = self.pass_counts();
-        let errors = self.outputs.image.standard_error(1, even, odd)?;
+        let noise = self.outputs.image.noise(1, even, odd)?;
         let image = self.outputs.image.image(even + odd);
-        let mean = image.iter().skip(1).step_by(3).sum::<f64>() / errors.len() as f64;
-        let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
+        let mean = image.iter().skip(1).step_by(3).sum::<f64>() / noise.len() as f64;
+        let square = noise.iter().map(|e| e * e).sum::<f64>() / noise.len() as f64;
         (mean > 0.0).then(|| square.sqrt() / mean)
     }
 }

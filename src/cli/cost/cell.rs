@@ -198,14 +198,10 @@ impl Plan<'_> {
             image.channels.retain(|c| c.name == "Y");
         }
         let [even, odd] = render.pass_counts();
-        let [a, b] = render.outputs().image.half_images(even, odd);
-        let share = even as f64 / passes as f64;
-        // its square is the variance of the mean of both halves
-        let scale = (share * (1.0 - share)).sqrt();
-        let noise = a.iter().zip(&b).skip(1).step_by(3);
+        let noise = render.outputs().image.noise(1, even, odd);
         image.channels.push(Channel {
             name: NOISE_CHANNEL.to_owned(),
-            values: noise.map(|(a, b)| (scale * (a - b)) as f32).collect(),
+            values: noise.into_iter().flatten().map(|v| v as f32).collect(),
         });
         Ok(exr::write(&self.folder.join(name), &image)?)
     }
