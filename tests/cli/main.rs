@@ -628,13 +628,69 @@ fn bands_are_measured_and_shown() {
         2,
     );
     assert!(stderr.contains("reaches beyond an image of 24 x 16 pixels"));
+    // before anything is rendered
+    let endless = "banding scene.toml --passes 4000000000 --region 2,2,25,14 -o page.html";
+    let stderr = fail(dir.path(), endless, 2);
+    assert!(stderr.contains("reaches beyond an image of 24 x 16 pixels"));
     let stdout = succeed(
         dir.path(),
-        "banding scene.toml --passes 1,2 --reference-passes 4 -o page.html",
+        "banding scene.toml --passes 2,1,2 --reference-passes 4 -o page.html",
     );
     assert!(stdout.contains("bdpt, as much time"), "{stdout}");
     let page = String::from_utf8_lossy(&bytes(&dir, "page.html")).into_owned();
     assert!(page.contains("data:image/png;base64,") && page.contains("SmallVCM"));
+    assert!(page.contains("Lines: 1, 2 passes."), "sorted, each once");
     let report = json(&String::from_utf8_lossy(&bytes(&dir, "page.json")));
     assert_eq!(report["rows"].as_array().map(Vec::len), Some(8));
+}
+
+#[test]
+fn bands_are_measured_with_the_box_filter_whatever_the_sensor_has() {
+    let dir = folder();
+    let filtered = SCENE.replace("resolution", "filter = \"gaussian\"\nresolution");
+    std::fs::write(dir.path().join("filtered.toml"), filtered).expect("writes");
+    let relative_errors = |scene: &str| {
+        let options = "--passes 2 --reference-passes 2 --threads 1 -q";
+        succeed(
+            dir.path(),
+            &format!("banding {scene}.toml {options} -o {scene}.html"),
+        );
+        let report = json(&text(&bytes(&dir, &format!("{scene}.json"))));
+        let rows = report["rows"].as_array().expect("rows");
+        // the last one depends on the time that others take
+        rows[..3]
+            .iter()
+            .map(|r| r["rel_mse"].clone())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(relative_errors("scene"), relative_errors("filtered"));
+}
+
+#[test]
+fn the_layer_bias_needs_two_cones() {
+    let dir = folder();
+    let render = "render scene.toml --spp 2 -q --aov bias";
+    let needs = "the layer bias needs regularization and --set render.bias_estimate=true";
+    for wrong in [
+        "",
+        "--regularize off --set render.bias_estimate=true",
+        "--regularize mis",
+    ] {
+        let stderr = fail(dir.path(), &format!("{render} {wrong}"), 2);
+        assert!(stderr.contains(needs), "{wrong}: {stderr}");
+    }
+    succeed(
+        dir.path(),
+        &format!("{render} --set render.bias_estimate=true"),
+    );
+    // detectors tell the bias by themselves
+    let detector = SCENE.replace(
+        "perspective = { eye = [0, 0, 4], target = [0, 0, 0], fov_deg = 40 }",
+        "detector = { center = [0, 0, 2], u = [0.5, 0, 0], v = [0, 0.5, 0] }",
+    );
+    std::fs::write(dir.path().join("detector.toml"), detector).expect("writes");
+    succeed(
+        dir.path(),
+        "render detector.toml --spp 2 -q --aov bias --regularize mis",
+    );
 }
