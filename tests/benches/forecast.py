@@ -15,7 +15,7 @@ import subprocess
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-SCENES = "bench/caustic_lens,bench/cornell_diffuse,cornell,dispersive_lens,glass_ball,torus_in_glass_cube"
+SCENES = "bench/caustic_lens,bench/cornell_diffuse,dispersive_lens,glass_ball,moving_lens,torus_in_glass_cube"
 
 
 def render(options, scene, seed, *arguments):

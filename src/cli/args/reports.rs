@@ -25,7 +25,7 @@ pub struct CostOptions {
     /// The image to measure errors against; one is rendered by another estimator otherwise
     #[arg(long, value_name = "FILE")]
     pub reference: Option<PathBuf>,
-    /// Time for each variant and seed, such as 10s or 2m (the reference has eight times as much)
+    /// Time for each variant and seed on every thread, such as 10s or 2m (the reference has eight times as much)
     #[arg(long, value_name = "TIME", default_value = "10s", value_parser = values::seconds)]
     pub budget: f64,
     /// Seeds per variant, for the spread

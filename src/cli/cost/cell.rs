@@ -143,8 +143,9 @@ impl Plan<'_> {
             }
             let passes = pass + 1;
             let (cpu_seconds, wall_seconds) = clock.read();
-            // two passes at least: the noise is told from halves
-            let last = passes == MOST_PASSES || passes >= 2 && wall_seconds >= seconds;
+            // two passes at least: the noise is told from halves; CPU time, so that others on the machine take nothing from a cell
+            let used = cpu_seconds / rayon::current_num_threads() as f64;
+            let last = passes == MOST_PASSES || passes >= 2 && used >= seconds;
             if last || !layers && passes >= 2 && passes.is_power_of_two() {
                 let image = format!("{stem}-{passes}.exr");
                 self.write(&image, loaded, &render, last)?;

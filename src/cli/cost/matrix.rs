@@ -114,9 +114,11 @@ impl<'a> Base<'a> {
             self.lanes(),
             self.settings(),
         ];
-        let asked_for = |v: &Variant| v.groups.iter().any(|g| groups.contains(g));
-        let chosen = all.into_iter().flatten().filter(asked_for);
-        std::iter::once(scene).chain(chosen).collect()
+        let asked_for = all.into_iter().flatten().filter_map(|mut variant| {
+            variant.groups.retain(|g| groups.contains(g));
+            (!variant.groups.is_empty()).then_some(variant)
+        });
+        std::iter::once(scene).chain(asked_for).collect()
     }
 
     fn label(&self) -> String {
