@@ -1,7 +1,8 @@
-//! `abbe compare`: how far an image is from a reference, and how much of its error is in bands.
+//! `abbe compare`: how far an image is from a reference, and how much of its error is in bands. Of two tables of path classes:
+//! see `class_tables`.
 
 use super::args::{ColorLines, CompareOptions};
-use super::{CliError, Outcome, print};
+use super::{CliError, Outcome, class_tables, print};
 use crate::film::Crop;
 use crate::io::exr;
 use crate::math::banding::{Banding, banding};
@@ -13,6 +14,12 @@ const CHANNELS: [&str; 3] = ["X", "Y", "Z"];
 
 /// Runs the command.
 pub fn run(options: &CompareOptions) -> Result<Outcome, CliError> {
+    if let Some(reference) = &options.reference
+        && class_tables::is_table(&options.image)
+        && class_tables::is_table(reference)
+    {
+        return class_tables::run(&options.image, reference, options.json);
+    }
     let (image, image_xyz) = read(&options.image)?;
     let size = |i: &exr::ExrImage| (i.crop.x1 - i.crop.x0, i.crop.y1 - i.crop.y0);
     let (w, h) = size(&image);

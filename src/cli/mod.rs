@@ -4,6 +4,7 @@
 
 mod args;
 mod banding;
+mod class_tables;
 mod compare;
 mod convert;
 mod cost;

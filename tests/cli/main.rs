@@ -585,6 +585,43 @@ fn compare_measures() {
 }
 
 #[test]
+fn compare_puts_tables_of_classes_side_by_side() {
+    let dir = folder();
+    succeed(dir.path(), "render scene.toml -q --spp 2 --stats a.json");
+    succeed(
+        dir.path(),
+        "render scene.toml -q --spp 2 --integrator path --stats b.json",
+    );
+    let text = succeed(dir.path(), "compare a.json b.json");
+    assert!(text.starts_with("class "), "{text}");
+    let both = json(&succeed(dir.path(), "compare a.json b.json --json"));
+    let sensor = both.as_object().and_then(|s| s.values().next());
+    let class = &sensor.expect("a sensor")[0];
+    let mean = |table: usize| class["weighted_mean"][table].as_f64().unwrap_or(0.0);
+    assert!(mean(0) > 0.0 && mean(1) > 0.0, "{class}");
+    let rows = class["strategies"].as_array().expect("strategies");
+    let own = |row: &&serde_json::Value| row["second"].is_null();
+    assert!(
+        rows.iter().any(|r| own(&r)),
+        "path has fewer strategies: {class}"
+    );
+    std::fs::write(dir.path().join("c.json"), "{}").expect("written");
+    let message = fail(dir.path(), "compare a.json c.json", 1);
+    assert!(
+        message.starts_with(
+            "error: c.json: is not what `abbe render --stats` writes: missing field `sensors`"
+        ),
+        "{message}"
+    );
+    std::fs::write(dir.path().join("d.json"), r#"{"sensors": []}"#).expect("written");
+    let message = fail(dir.path(), "compare a.json d.json", 1);
+    assert!(
+        message.starts_with("error: d.json: has none of the sensors of a.json ("),
+        "{message}"
+    );
+}
+
+#[test]
 fn merging_says_what_it_shares_and_stores() {
     let dir = folder();
     let stdout = succeed(

@@ -190,6 +190,38 @@ fn each_strategy_alone_into_glass_and_out_of_it() {
     }
 }
 
+/// The weights adapt to what is executed: whichever strategies are missing, the others make the whole class. (One alone has
+/// the weight 1: see above.)
+#[test]
+fn every_subset_of_strategies_has_the_same_mean() {
+    let text = INTERFACE
+        .replace("LIGHT", "0.9, 0], u = [0.5, 0, 0], v = [0, 0, 0.5]")
+        .replace("METER", "-0.7");
+    let (scene, settings) = scene(&text);
+    let passes = 60 * test_scale();
+    let truth = measure(&scene, &settings, 24, 4 * passes, &["LSE"]).classes[0];
+    let settings = regularized(&settings, Mis, 0.1);
+    for subset in (1..16_u32).filter(|s| s.count_ones() > 1) {
+        let disabled = (0..4)
+            .filter(|s| subset >> s & 1 == 0)
+            .map(|s| (s, 3 - s))
+            .collect();
+        let settings = Settings {
+            disabled,
+            ..settings.clone()
+        };
+        // neither end is hit: cones are all there is, and noisier
+        let passes = if subset == 0b0110 { 5 * passes } else { passes };
+        let found = measure(&scene, &settings, 24, passes, &["LSE"]).classes[0];
+        let deviation = found.deviation(&truth);
+        println!("subset {subset:04b}: {found:?} for {truth:?}, {deviation:.1} standard errors");
+        assert!(
+            found.error <= 0.02 * truth.mean && deviation < LIMIT,
+            "strategies {subset:04b}: {found:?}, the unbiased mean is {truth:?}"
+        );
+    }
+}
+
 const FLINT: &str = r#"
 [render]
 max_depth = 1

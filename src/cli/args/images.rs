@@ -10,10 +10,10 @@ use std::path::PathBuf;
 /// Options of `abbe compare`.
 #[derive(Debug, Args)]
 pub struct CompareOptions {
-    /// The image (EXR with channels X, Y, Z)
+    /// The image (EXR with channels X, Y, Z), or statistics of a render (JSON of --stats)
     #[arg(value_name = "IMAGE")]
     pub image: PathBuf,
-    /// What it should be; without it only bands are measured
+    /// What it should be (statistics beside statistics); without it only bands are measured
     #[arg(value_name = "REFERENCE", required_unless_present = "banding")]
     pub reference: Option<PathBuf>,
     /// Measures bands instead: errors that are the same all along a line of one color
