@@ -238,8 +238,8 @@ fn strategies_are_shown_one_by_one() {
         .captures_iter(pyramid)
         .map(|c| (c[1].parse().unwrap(), c[2].parse().unwrap()))
         .collect();
-    // the lamp seen, light on the wall by each of the three ways, and no walk that would have to hit the pinhole
-    for made in [(0, 2), (0, 3), (1, 2), (2, 1)] {
+    // light on the wall by each of three ways, and no walk that would have to hit the pinhole
+    for made in [(0, 3), (1, 2), (2, 1)] {
         assert!(strategies.contains(&made), "{made:?} in {strategies:?}");
     }
     assert!(strategies.iter().all(|s| s.1 > 0), "{strategies:?}");
