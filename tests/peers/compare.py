@@ -17,6 +17,7 @@ exactly the CPU time asked for; the last columns compare each of abbe's methods 
 import argparse
 import json
 import math
+import os
 import pathlib
 import subprocess
 import sys
@@ -240,7 +241,9 @@ def worker(arguments):
     else:
         image, seconds = luxcore_render(SCENES[scene], size, spp, seed, renderer.split("-")[1].upper())
     np.save(out, image)
-    print(json.dumps({"cpu_seconds": seconds}))
+    print(json.dumps({"cpu_seconds": seconds}), flush=True)
+    # LuxCore may crash when it is taken apart
+    os._exit(0)
 
 
 def render(renderer, scene, size, spp, seed, work):
