@@ -136,7 +136,7 @@ impl Accel {
         let instance = &self.instances[point.id.instance.0 as usize];
         let placement = instance.transform.at(time);
         let p = placement.to_object.transform_point3(point.p);
-        let local = instance.shape.tangents(point.id.prim, p)?;
+        let local = instance.shape.tangents(point.id.prim, p, time)?;
         Some(local.map(|d| placement.to_world.transform_vector3(d)))
     }
 
@@ -147,6 +147,7 @@ impl Accel {
         let p = instance.transform.at(time).to_object.transform_point3(p);
         let weights = match &instance.shape {
             Shape::Mesh(mesh) => mesh.weights(id.prim, p),
+            Shape::Deforming(mesh) => mesh.weights(id.prim, p, time),
             _ => DVec2::ZERO,
         };
         instance.shape.local_point(id.prim, p, weights, time).uv

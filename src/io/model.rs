@@ -52,8 +52,8 @@ pub enum Projection {
 pub struct ModelCamera {
     /// Name in the file.
     pub name: String,
-    /// Its place: looks along -z, +y up.
-    pub to_world: DAffine3,
+    /// Its place over the shutter: looks along -z, +y up.
+    pub transform: Transform,
     /// How it projects.
     pub projection: Projection,
 }
@@ -74,10 +74,25 @@ pub struct Model {
     /// Whether it means to be lit by what it brings: it has lights, or its format knows no others than surfaces that
     /// emit. (Files of glTF without lights expect surroundings, glowing parts or not.)
     pub lit: bool,
+    /// Whether animations play, whether or not they show in the time asked for.
+    pub animated: bool,
     /// What was not understood or taken otherwise than the file may mean, one line each.
     pub notes: Vec<String>,
     /// Hash of the files it was read from.
     pub hash: u64,
+}
+
+/// Where and when a model is shown.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Staging {
+    /// To the world, metres.
+    pub to_world: DAffine3,
+    /// The moment of its animations at the time 0 of the scene, in seconds.
+    pub at_s: f64,
+    /// The animation that plays, by name or number; `None`: all, but those that move what an earlier one moves.
+    pub animation: Option<String>,
+    /// The time for which any shutter is open.
+    pub shutter: Shutter,
 }
 
 /// The kinds of model files.
@@ -115,14 +130,15 @@ impl ModelKind {
     }
 }
 
-/// Reads a model; files it names are looked for in its folder. `to_world` places it (metres).
+/// Reads a model; files it names are looked for in its folder.
 ///
 /// # Errors
 /// What is wrong, in words, without the file's name.
-pub fn load(path: &Path, kind: ModelKind, to_world: DAffine3) -> Result<Model, String> {
+pub fn load(path: &Path, kind: ModelKind, staging: &Staging) -> Result<Model, String> {
+    let to_world = staging.to_world;
     let folder = path.parent().unwrap_or(Path::new("."));
     match kind {
-        ModelKind::Gltf => read_gltf(&read_file(path)?, folder, to_world),
+        ModelKind::Gltf => read_gltf(&read_file(path)?, folder, staging),
         ModelKind::Obj => mtl::load(path, to_world),
         ModelKind::Ply => ply::load(path).map(|mesh| mtl::plain(mesh, path, to_world)),
     }
@@ -163,7 +179,12 @@ impl Model {
 impl ModelCamera {
     /// The sensor, as high as `resolution` and as wide as its own proportions ask for.
     #[must_use]
-    pub fn sensor(&self, resolution: Resolution, filter: Filter) -> SensorDescription {
+    pub fn sensor(
+        &self,
+        resolution: Resolution,
+        filter: Filter,
+        shutter: Shutter,
+    ) -> SensorDescription {
         let aspect = match self.projection {
             Projection::Perspective { aspect, .. } => aspect,
             Projection::Orthographic { aspect, .. } => Some(aspect),
@@ -175,7 +196,7 @@ impl ModelCamera {
             width,
             ..resolution
         };
-        let transform = Transform::fixed(self.to_world);
+        let transform = self.transform.clone();
         let camera = match self.projection {
             Projection::Perspective { fov_rad, .. } => {
                 Camera::Perspective(Perspective::new(transform, resolution, fov_rad, None))
@@ -188,7 +209,7 @@ impl ModelCamera {
             name: self.name.clone(),
             camera,
             filter,
-            shutter: Shutter::default(),
+            shutter,
         }
     }
 }
@@ -243,10 +264,10 @@ pub fn standard_camera(objects: &[ObjectDescription]) -> ModelCamera {
         .fold(f64::MIN_POSITIVE, f64::max);
     ModelCamera {
         name: "camera".to_owned(),
-        to_world: DAffine3 {
+        transform: Transform::fixed(DAffine3 {
             matrix3: DMat3::from_cols(right, up, back),
             translation: center + back * distance,
-        },
+        }),
         projection: Projection::Perspective {
             fov_rad: FOV_RAD,
             aspect: None,
@@ -313,8 +334,9 @@ mod tests {
         };
         let camera = standard_camera(&[object]);
         let center = camera
-            .to_world
-            .inverse()
+            .transform
+            .at(0.0)
+            .to_object
             .transform_point3(DVec3::new(5.0, 0.0, 0.0));
         assert!(center.truncate().length() < 1e-9 && center.z < -3.0);
     }

@@ -3,8 +3,8 @@
 #[path = "../support/gltf.rs"]
 mod gltf;
 
+use abbe::io::model::Staging;
 use abbe::io::{gltf as reader, image_file};
-use glam::DAffine3;
 use gltf::Builder;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -47,7 +47,7 @@ fn changed(pointer: &str, value: Value) -> String {
 }
 
 fn message(bytes: &[u8]) -> String {
-    match reader::read(bytes, Path::new("/nonexistent"), DAffine3::IDENTITY) {
+    match reader::read(bytes, Path::new("/nonexistent"), &Staging::default()) {
         Ok(_) => "no error".to_owned(),
         Err(message) => message,
     }
@@ -58,7 +58,7 @@ fn the_valid_file_is_read() {
     let model = reader::read(
         &builder().glb(),
         Path::new("/nonexistent"),
-        DAffine3::IDENTITY,
+        &Staging::default(),
     )
     .expect("valid");
     assert_eq!(

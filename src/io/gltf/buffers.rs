@@ -254,6 +254,11 @@ impl<'a> Buffers<'a> {
         }
     }
 
+    /// Elements of an accessor, as it claims.
+    pub fn count(&self, id: Index<accessor::Accessor>) -> Result<u64, Fault> {
+        Ok(self.accessor(id)?.0.count.0)
+    }
+
     /// An accessor of `N` numbers per element; sparse values included.
     pub fn vectors<const N: usize>(
         &self,

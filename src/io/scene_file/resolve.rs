@@ -59,12 +59,7 @@ pub fn resolve(
             .map(MaterialPlan::texture_at)
             .collect(),
         notes: Vec::new(),
-        shutter: plan
-            .sensors
-            .iter()
-            .map(|sensor| sensor.shutter)
-            .reduce(Shutter::union)
-            .unwrap_or_default(),
+        shutter: shutter(plan),
         errors: Vec::new(),
     };
     let description = resolver.scene(plan, hash);
@@ -72,6 +67,16 @@ pub fn resolve(
         None => Ok((description, resolver.notes)),
         Some(errors) => Err(errors),
     }
+}
+
+/// From the first sensor to open to the last to close; the cameras of models are sensors where there are no others.
+fn shutter(plan: &Plan) -> Shutter {
+    let sensors = plan.sensors.iter().map(|sensor| sensor.shutter);
+    let models = plan.models.iter().map(|model| model.staging.shutter);
+    sensors
+        .reduce(Shutter::union)
+        .or_else(|| models.reduce(Shutter::union))
+        .unwrap_or_default()
 }
 
 /// Looks names up, and collects what is wrong: every function returns a stand-in then.
@@ -349,14 +354,13 @@ impl Resolver<'_> {
             self.error(at, Problem::Conflict(message.to_owned()));
         }
         if let Some(at) = self.textured_at(plan) {
-            let message = match &shape {
-                Shape::Mesh(mesh) if !mesh.has_texture_coordinates() => {
-                    Some("a texture on a mesh without texture coordinates")
-                }
-                Shape::Deforming(_) => Some("a texture on a mesh that changes its form"),
-                _ => None,
+            let has_coordinates = match &shape {
+                Shape::Mesh(mesh) => mesh.has_texture_coordinates(),
+                Shape::Deforming(mesh) => mesh.has_texture_coordinates(),
+                _ => true,
             };
-            if let Some(message) = message {
+            if !has_coordinates {
+                let message = "a texture on a mesh without texture coordinates";
                 self.error(&at, Problem::Conflict(message.to_owned()));
             }
         }

@@ -13,7 +13,7 @@ use super::motion::May;
 use super::spectrum::Use;
 use super::{Allowed, Checker, FINITE, NON_NEGATIVE, POSITIVE, label};
 use crate::io::image_file::MAX_IMAGE_BYTES;
-use crate::io::model::{MAX_MODEL_BYTES, ModelKind};
+use crate::io::model::{MAX_MODEL_BYTES, ModelKind, Staging};
 use crate::medium::{Boundary, MediumId};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
@@ -109,6 +109,16 @@ impl Checker<'_> {
                 "the model has no volume after its transform (allowed: an invertible transform)",
             );
         }
+        for (key, at) in [
+            ("at", m.at.as_ref().map(At::span)),
+            ("animation", m.animation.as_ref().map(At::span)),
+        ] {
+            if let (Some(at), true) = (at, kind != ModelKind::Gltf) {
+                self.conflict(&at, format!("{key} is for gltf only"));
+            }
+        }
+        let at_s = m.at.as_ref().map_or(0.0, |t| self.number("at", t, FINITE));
+        let shutter = self.shutter(m.shutter.as_ref());
         let resolution = m.resolution.as_ref().map_or([640, 480], |r| {
             let [w, h] = *r.get_ref();
             let side = |c: &mut Self, v: i64| {
@@ -121,7 +131,12 @@ impl Checker<'_> {
             name: file.get_ref().clone(),
             at: file.span(),
             kind,
-            to_world,
+            staging: Staging {
+                to_world,
+                at_s,
+                animation: m.animation.as_ref().map(|a| a.get_ref().clone()),
+                shutter,
+            },
             resolution,
             filter: (
                 render.filter,
