@@ -1,6 +1,7 @@
 //! The options of every command. Values are checked as they are parsed, so that wrong ones are usage errors that say what is
 //! allowed.
 
+use super::overrides::{Moment, Overrides};
 use crate::film::Crop;
 use crate::math::banding::Axis;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -143,14 +144,6 @@ pub enum Aov {
     Class(Regex),
 }
 
-/// Options that replace keys of the scene file.
-#[derive(Debug, Default, Args)]
-pub struct Overrides {
-    /// Replaces any key of the scene file, such as render.spp=16 or object.0.material=glass
-    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
-    pub set: Vec<(String, String)>,
-}
-
 /// Options of `abbe render`.
 #[derive(Debug, Args)]
 pub struct RenderOptions {
@@ -205,6 +198,8 @@ pub struct RenderOptions {
     /// Wavelengths to draw: scene, uniform, visible, a range A..B, or a list of lines such as 486.1,587.6 (nm)
     #[arg(long, value_name = "SPEC", value_parser = wavelengths)]
     pub wavelengths: Option<String>,
+    #[command(flatten)]
+    pub moment: Moment,
     #[command(flatten)]
     pub overrides: Overrides,
     /// Renders only this sensor
@@ -418,7 +413,7 @@ pub struct ConvertOptions {
 }
 
 impl RenderOptions {
-    /// The overrides of the scene file: the options that have a key in `[render]`, then those of `--set`.
+    /// The overrides of the scene file: the options that have a key in it, then those of `--set`.
     #[must_use]
     pub fn scene_overrides(&self) -> Vec<(String, String)> {
         let named =
@@ -454,16 +449,10 @@ impl RenderOptions {
         let options = options
             .into_iter()
             .filter_map(|(key, value)| Some((format!("render.{key}"), value?)));
-        options.chain(self.overrides.set.iter().cloned()).collect()
-    }
-}
-
-fn key_value(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((key, value)) if !key.trim().is_empty() => {
-            Ok((key.trim().to_owned(), value.trim().to_owned()))
-        }
-        _ => Err("expected KEY=VALUE".to_owned()),
+        options
+            .chain(self.moment.overrides())
+            .chain(self.overrides.set.iter().cloned())
+            .collect()
     }
 }
 
@@ -499,7 +488,7 @@ fn axis(text: &str) -> Result<Axis, String> {
     }
 }
 
-fn finite(text: &str) -> Result<f64, String> {
+pub(super) fn finite(text: &str) -> Result<f64, String> {
     text.trim()
         .parse()
         .ok()
@@ -507,7 +496,7 @@ fn finite(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a number".to_owned())
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     finite(text)
         .ok()
         .filter(|&v| v > 0.0)

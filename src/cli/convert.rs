@@ -2,7 +2,7 @@
 
 use super::args::ConvertOptions;
 use super::{CliError, Outcome, print};
-use crate::io::atomic::{check_writable, write_atomic};
+use crate::io::atomic::{check_writable, folder, write_atomic};
 use crate::io::convert::scene_text;
 use crate::io::model::{self, ModelKind, Staging};
 use std::io::Write as _;
@@ -43,11 +43,7 @@ fn name_from(scene: &Path, model: &Path) -> Result<String, CliError> {
         path.canonicalize()
             .map_err(|e| CliError::file(path, e.to_string()))
     };
-    let folder = match scene.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let (folder, inside) = (absolute(folder)?, absolute(model)?);
+    let (folder, inside) = (absolute(folder(scene))?, absolute(model)?);
     let relative = inside.strip_prefix(&folder).map_err(|_| {
         CliError::file(
             scene,

@@ -14,6 +14,7 @@ mod info;
 mod interrupt;
 mod load;
 mod merge;
+mod overrides;
 mod progress;
 mod readable;
 mod render;

@@ -51,6 +51,7 @@ struct Job<'a> {
 
 /// Runs the command.
 pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
+    options.moment.check(&options.scene)?;
     let loaded = load::load(&options.scene, &options.scene_overrides())?;
     let sensors = chosen_sensors(options, &loaded)?;
     let targets: Vec<Targets> = sensors

@@ -3,6 +3,7 @@
 //! A model brings surfaces and materials, and what lights and cameras its file has; [`Model::add_to`] puts it into a scene.
 //! Where a scene has no camera or light at all, [`standard_camera`] and [`studio`] stand in.
 
+use super::atomic::folder;
 use super::gltf::read as read_gltf;
 use super::{mtl, ply};
 use crate::camera::Camera;
@@ -25,6 +26,8 @@ use glam::{DAffine3, DMat3, DVec3};
 use std::path::Path;
 use std::sync::Arc;
 
+/// Most pixels of an image: the sums of 2^28 pixels take 26 GB.
+pub const MAX_PIXELS: u64 = 1 << 28;
 /// Largest model file.
 pub const MAX_MODEL_BYTES: u64 = 4 << 30;
 
@@ -136,7 +139,7 @@ impl ModelKind {
 /// What is wrong, in words, without the file's name.
 pub fn load(path: &Path, kind: ModelKind, staging: &Staging) -> Result<Model, String> {
     let to_world = staging.to_world;
-    let folder = path.parent().unwrap_or(Path::new("."));
+    let folder = folder(path);
     match kind {
         ModelKind::Gltf => read_gltf(&read_file(path)?, folder, staging),
         ModelKind::Obj => mtl::load(path, to_world),
@@ -190,7 +193,8 @@ impl ModelCamera {
             Projection::Orthographic { aspect, .. } => Some(aspect),
         };
         let width = aspect.map_or(resolution.width, |a| {
-            ((f64::from(resolution.height) * a).round() as u32).clamp(1, 1 << 16)
+            let most = (MAX_PIXELS / u64::from(resolution.height)).min(1 << 16) as u32;
+            ((f64::from(resolution.height) * a).round() as u32).clamp(1, most)
         });
         let resolution = Resolution {
             width,
@@ -225,11 +229,12 @@ pub fn name_sensors(sensors: &mut [SensorDescription]) {
     };
     for i in 0..sensors.len() {
         let name: String = sensors[i].name.chars().take(48).map(fit).collect();
-        let mut name = name.trim_start_matches('.').to_owned();
-        if name.is_empty() || sensors[..i].iter().any(|s| s.name == name) {
-            name = format!("{name}-{i}").trim_start_matches('-').to_owned();
-        }
-        sensors[i].name = name;
+        let name = name.trim_start_matches('.');
+        let numbered = |k: usize| format!("{name}-{k}").trim_start_matches('-').to_owned();
+        let free = |n: &String| !n.is_empty() && sensors[..i].iter().all(|s| s.name != *n);
+        let own = std::iter::once(name.to_owned());
+        let new = own.chain((i..).map(numbered)).find(free);
+        sensors[i].name = new.expect("invariant: one of all numbers is free");
     }
 }
 
@@ -307,6 +312,7 @@ pub fn studio(white: Emission, to_world: DMat3) -> Light {
     Light::Environment(EnvironmentLight {
         radiance: white,
         image: image.map(Arc::new),
+        motion: None,
     })
 }
 

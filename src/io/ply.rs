@@ -89,10 +89,11 @@ impl Body<'_> {
             if word.is_empty() {
                 return Err("the file ends before its last element".to_owned());
             }
-            let text = String::from_utf8_lossy(&word[..word.len().min(40)]);
-            return text
-                .parse()
-                .map_err(|_| format!("\"{text}\" is not a number"));
+            let number = std::str::from_utf8(word).ok().and_then(|w| w.parse().ok());
+            return number.ok_or_else(|| {
+                let shown = String::from_utf8_lossy(&word[..word.len().min(40)]);
+                format!("\"{shown}\" is not a number")
+            });
         }
         let size = kind.size();
         let (bytes, rest) = self

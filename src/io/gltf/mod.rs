@@ -125,7 +125,10 @@ fn parse(bytes: &[u8], folder: &Path, staging: &Staging) -> Result<Model, Fault>
         buffers: &buffers,
         folder,
         staging,
-        model: Model::default(),
+        model: Model {
+            hash: buffers.hash,
+            ..Model::default()
+        },
         said: BTreeSet::new(),
         images: material::Images::default(),
         places: 0,

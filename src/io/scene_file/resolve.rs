@@ -346,8 +346,8 @@ impl Resolver<'_> {
             ShapePlan::Box => Shape::Box,
             ShapePlan::Mesh(index) => meshes.get(index)?.clone()?,
         };
-        if let (Some(at), Boundary::Solid { .. }, false) =
-            (&plan.interior_at, plan.boundary, shape.is_closed())
+        if let (Some(at), Boundary::Solid { .. }) = (&plan.interior_at, plan.boundary)
+            && !shape.is_closed()
         {
             let message = "the mesh is not closed, so it has no interior (every edge needs two triangles that run \
                            through it in opposite directions)";

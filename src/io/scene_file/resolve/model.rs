@@ -37,7 +37,11 @@ impl Resolver<'_> {
             }
             environment.map(Arc::new)
         });
-        Light::Environment(EnvironmentLight { radiance, image })
+        Light::Environment(EnvironmentLight {
+            radiance,
+            image,
+            motion: None,
+        })
     }
 
     /// Adds the models, then what a scene with models but without cameras or lights needs.
