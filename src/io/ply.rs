@@ -301,6 +301,7 @@ fn vertices(
     if !has(0..3) {
         return Err("element \"vertex\" has no x, y, z".to_owned());
     }
+    let (has_normals, has_uvs) = (has(3..6), has(6..8));
     positions.reserve(element.count);
     for _ in 0..element.count {
         let mut values = [0.0f32; 8];
@@ -312,10 +313,10 @@ fn vertices(
         }
         let [x, y, z, nx, ny, nz, u, v] = values;
         positions.push([x, y, z]);
-        if has(3..6) {
+        if has_normals {
             normals.push([nx, ny, nz]);
         }
-        if has(6..8) {
+        if has_uvs {
             uvs.push([u, v]);
         }
     }

@@ -125,6 +125,7 @@ fn help_lists_what_there_is() {
         "--epsilon",
         "vcm",
         "--sharing",
+        "--frame",
     ] {
         assert!(render.contains(option), "{option}: {render}");
     }
@@ -169,6 +170,15 @@ fn misuse_is_explained() {
             "expected scene, uniform, visible, A..B or a list of wavelengths in nm",
         ),
         ("render scene.toml --resume", "--part <FILE>"),
+        (
+            "render scene.toml --frame 3",
+            "error: --frame is for models (.gltf, .glb)",
+        ),
+        (
+            "render a.glb --frame 3 --shutter half",
+            "expected a number >= 0 of frames, or a time such as 0.02s or 20ms",
+        ),
+        ("render a.glb --shutter 1", "--frame <N>"),
         ("compare scene.exr", "<REFERENCE>"),
         (
             "compare scene.exr --banding --axis z",

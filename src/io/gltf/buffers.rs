@@ -46,9 +46,7 @@ pub fn read_uri(folder: &Path, uri: &str, what: &str, limit: u64) -> Result<Vec<
     }
     let name = percent_decoded(uri)
         .ok_or_else(|| Fault::new(format!("{what}: URI \"{shown}\" is not valid")))?;
-    let path = files::find(folder, &name, limit)
-        .map_err(|problem| Fault::new(format!("{what}: {problem}")))?;
-    std::fs::read(&path).map_err(|e| Fault::new(format!("{what}: \"{name}\": {e}")))
+    files::read(folder, &name, limit).map_err(|e| Fault::new(format!("{what}: {e}")))
 }
 
 fn percent_decoded(uri: &str) -> Option<String> {

@@ -26,7 +26,7 @@ use crate::light::environment::EnvironmentLight;
 use crate::light::point::PointLight;
 use crate::light::spot::SpotLight;
 use crate::material::MaterialId;
-use crate::medium::{Boundary, Medium, MediumId};
+use crate::medium::{Boundary, Medium, MediumId, absorption_of};
 use crate::scene::description::{
     AreaEmission, LightDescription, ObjectDescription, SceneDescription, SensorDescription,
 };
@@ -287,7 +287,7 @@ impl Resolver<'_> {
             AbsorptionPlan::Coefficient(plan) => self.curve(plan),
             AbsorptionPlan::Color { color, distance_m } => {
                 let transmittance = self.reflectance(color);
-                coefficient_of(&transmittance, *distance_m, self.range_nm)
+                absorption_of(&transmittance, *distance_m, self.range_nm)
             }
         });
         Medium {
@@ -480,21 +480,6 @@ impl Resolver<'_> {
 fn table(rows: &[[f64; 2]]) -> Curve {
     let nm: Vec<f64> = rows.iter().map(|r| r[0]).collect();
     let values: Vec<f64> = rows.iter().map(|r| r[1]).collect();
-    Curve::table(&nm, &values)
-}
-
-/// The absorption coefficient in 1/m that leaves `transmittance` after `distance_m`, at every nanometre of the range.
-fn coefficient_of(transmittance: &Curve, distance_m: f64, [low, high]: [f64; 2]) -> Curve {
-    // what lets nothing through over the distance lets 1e-6 through, so that coefficients stay finite
-    let coefficient = |nm: f64| -transmittance.eval(nm).max(1e-6).ln() / distance_m;
-    if let Curve::Constant(_) = transmittance {
-        return Curve::Constant(coefficient(low));
-    }
-    let steps = (high - low).ceil().max(1.0) as usize;
-    let nm: Vec<f64> = (0..=steps)
-        .map(|i| low + (high - low) * i as f64 / steps as f64)
-        .collect();
-    let values: Vec<f64> = nm.iter().map(|&nm| coefficient(nm)).collect();
     Curve::table(&nm, &values)
 }
 
