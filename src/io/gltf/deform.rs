@@ -178,8 +178,9 @@ impl Reader<'_> {
             for u in [0.25, 0.5, 0.75] {
                 stray = stray.max(strayed(start, &end, &frame(at(u), false)?, u));
             }
+            // how far lines stray falls with the square of the steps; the parts of a long curve stray a little more than that
             let steps = if stray > tolerance {
-                (stray / tolerance).sqrt().ceil().min(MOST_STEPS) as u32
+                (1.3 * stray / tolerance).sqrt().ceil().min(MOST_STEPS) as u32
             } else {
                 1
             };
