@@ -247,10 +247,13 @@ impl<const N: usize> PerPart<N> {
 }
 
 fn vectors(keys: &Keys, values: Values<3>) -> Result<Track<DVec3>, TrackError> {
-    let at: Vec<(f64, DVec3)> = keyed(keys, values.at.iter().map(|&v| DVec3::from_array(v)));
+    let at: Vec<(f64, DVec3)> = keyed(keys, values.at.into_iter().map(DVec3::from_array));
     match keys.interpolation {
         Interpolation::Cubic => {
-            let tangents = values.tangents.iter().map(|t| t.map(DVec3::from_array));
+            let tangents = values
+                .tangents
+                .into_iter()
+                .map(|t| t.map(DVec3::from_array));
             Track::with_tangents(&at, tangents.collect())
         }
         other => Track::new(&at, other),
@@ -258,10 +261,10 @@ fn vectors(keys: &Keys, values: Values<3>) -> Result<Track<DVec3>, TrackError> {
 }
 
 fn numbers(keys: &Keys, values: Values<1>) -> Result<Track<f64>, TrackError> {
-    let at: Vec<(f64, f64)> = keyed(keys, values.at.iter().map(|v| v[0]));
+    let at: Vec<(f64, f64)> = keyed(keys, values.at.into_iter().map(|v| v[0]));
     match keys.interpolation {
         Interpolation::Cubic => {
-            let tangents = values.tangents.iter().map(|t| t.map(|v| v[0]));
+            let tangents = values.tangents.into_iter().map(|t| t.map(|v| v[0]));
             Track::with_tangents(&at, tangents.collect())
         }
         other => Track::new(&at, other),
@@ -270,11 +273,14 @@ fn numbers(keys: &Keys, values: Values<1>) -> Result<Track<f64>, TrackError> {
 
 fn arcs(keys: &Keys, values: Values<4>) -> Result<Rotation, TrackError> {
     // what is no rotation is not finite after this, which is reported
-    let unit = |v: &[f64; 4]| DQuat::from_array(*v).normalize();
-    let at: Vec<(f64, DQuat)> = keyed(keys, values.at.iter().map(unit));
+    let unit = |v: [f64; 4]| DQuat::from_array(v).normalize();
+    let at: Vec<(f64, DQuat)> = keyed(keys, values.at.into_iter().map(unit));
     let arcs = match keys.interpolation {
         Interpolation::Cubic => {
-            let tangents = values.tangents.iter().map(|t| t.map(DVec4::from_array));
+            let tangents = values
+                .tangents
+                .into_iter()
+                .map(|t| t.map(DVec4::from_array));
             Arcs::with_tangents(&at, tangents.collect())
         }
         other => Arcs::new(&at, other),

@@ -152,7 +152,7 @@ impl Hierarchy {
             links.push(Link::Fixed(keyed.above.still));
         }
         links.reverse();
-        links.retain(|link| links_matter(link));
+        links.retain(does_something);
         links
     }
 
@@ -225,7 +225,7 @@ impl Hierarchy {
     }
 }
 
-fn links_matter(link: &Link) -> bool {
+fn does_something(link: &Link) -> bool {
     *link != Link::Fixed(DAffine3::IDENTITY)
 }
 

@@ -155,7 +155,7 @@ fn set<'s>(
         .split_first()
         .expect("invariant: split yields at least one part");
     let is_index = |s: &&str| s.parse::<usize>().is_ok();
-    if rest.first().is_some_and(|s| is_index(s)) && document.get(*first).is_none() {
+    if rest.first().is_some_and(is_index) && document.get(*first).is_none() {
         return Err(no_list(document, first));
     }
     entry(document, first, new_table());
