@@ -221,3 +221,19 @@ impl Region {
         }
     }
 }
+
+/// The absorption coefficient in 1/m that leaves `transmittance` after `distance_m`, at every nanometre of the range.
+#[must_use]
+pub fn absorption_of(transmittance: &Curve, distance_m: f64, [low, high]: [f64; 2]) -> Curve {
+    // what lets nothing through over the distance lets 1e-6 through, so that coefficients stay finite
+    let coefficient = |nm: f64| -transmittance.eval(nm).max(1e-6).ln() / distance_m;
+    if let Curve::Constant(_) = transmittance {
+        return Curve::Constant(coefficient(low));
+    }
+    let steps = (high - low).ceil().max(1.0) as usize;
+    let nm: Vec<f64> = (0..=steps)
+        .map(|i| low + (high - low) * i as f64 / steps as f64)
+        .collect();
+    let values: Vec<f64> = nm.iter().map(|&nm| coefficient(nm)).collect();
+    Curve::table(&nm, &values)
+}

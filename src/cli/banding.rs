@@ -5,12 +5,13 @@
 //! pixels are independent where paths are.
 
 use super::args::BandingOptions;
-use super::compare::{bands, bands_json};
+use super::compare::{bands, bands_json, region};
+use super::html::{escape, png_url};
 use super::load::{self, Loaded};
-use super::{CliError, Outcome, print};
-use crate::film::{Crop, SensorResponse};
+use super::{CliError, Outcome, print, threads};
+use crate::film::{Crop, Filter};
 use crate::io::atomic::{check_writable, write_atomic};
-use crate::io::png;
+use crate::io::png::preview_bytes;
 use crate::math::banding::Banding;
 use crate::math::image_error::image_error;
 use crate::render::{OutputRequest, Render, SharedWavelengths};
@@ -18,7 +19,6 @@ use crate::spectrum::xyz::xyz_to_linear_srgb;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::Path;
 use std::time::Instant;
 
 /// Pixels between the pictures of the comparison.
@@ -53,8 +53,20 @@ struct Memory {
 /// What all renders of the comparison have in common.
 struct Study<'a> {
     options: &'a BandingOptions,
+    /// Keys of the scene file that all of them replace.
+    overrides: Vec<(String, String)>,
     sensor: usize,
     crop: Crop,
+    /// Numbers of passes, ascending.
+    passes: Vec<u32>,
+}
+
+/// What was found.
+struct Findings {
+    rows: Vec<Row>,
+    memory: Memory,
+    crop: Crop,
+    passes: Vec<u32>,
 }
 
 /// Runs the command.
@@ -64,23 +76,17 @@ pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
     for path in [&options.output, &json_path, &picture_path] {
         check_writable(path)?;
     }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads.map_or(0, usize::from))
-        .build();
-    let pool = pool.map_err(|e| CliError::Failed(format!("cannot start threads: {e}")))?;
-    let (rows, memory, crop) = pool.install(|| measure(options))?;
-    let size = picture(options, (&rows, crop), &picture_path)?;
-    let page = page(
-        options,
-        &rows,
-        &memory,
-        &std::fs::read(&picture_path).unwrap_or_default(),
-    );
+    let pool = threads::pool(options.threads)?;
+    let found = pool.install(|| measure(options))?;
+    let (size, png) = picture(&found, options.exposure)
+        .map_err(|e| CliError::file(&picture_path, e.to_string()))?;
+    write_atomic(&picture_path, |w| w.write_all(&png))?;
+    let page = page(options, &found, &png);
     write_atomic(&options.output, |w| w.write_all(page.as_bytes()))?;
-    let value = report_json(&rows, &memory);
+    let value = report_json(&found);
     write_atomic(&json_path, |w| writeln!(w, "{value:#}"))?;
     if !options.quiet {
-        print(&table(&rows));
+        print(&table(&found.rows));
         let (width, height) = size;
         print(&format!(
             "{}: table and picture of {width} x {height} pixels, also as {} and {}\n",
@@ -93,30 +99,14 @@ pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
 }
 
 /// Renders everything and measures it.
-fn measure(options: &BandingOptions) -> Result<(Vec<Row>, Memory, Crop), CliError> {
-    let loaded = load_as(options, "bdpt", "hero", 0)?;
-    let sensor = match &options.sensor {
-        None => 0,
-        Some(name) => loaded
-            .scene
-            .sensor_index(name)
-            .ok_or_else(|| CliError::Usage(format!("unknown sensor \"{name}\"")))?,
-    };
-    let crop = loaded.scene.sensors[sensor].whole_film();
-    let study = Study {
-        options,
-        sensor,
-        crop,
-    };
-    let mut passes = options.passes.clone();
-    passes.sort_unstable();
-    passes.dedup();
-    let (merged, memory) = study.merging("vcm", "hero", &passes)?;
-    let (stratified, _) = study.merging("vcm, stratified passes", "stratified", &passes)?;
-    let (equal_passes, equal_time) = study.bdpt(&loaded, &passes, &merged);
+fn measure(options: &BandingOptions) -> Result<Findings, CliError> {
+    let study = Study::new(options)?;
+    let (merged, memory) = study.merging("vcm", "hero")?;
+    let (stratified, _) = study.merging("vcm, stratified passes", "stratified")?;
+    let (equal_passes, equal_time) = study.bdpt(&merged)?;
     // another seed: its errors must not be those of the images
-    let reference = load_as(options, "bdpt", "hero", 1)?;
-    let mut render = study.render(&reference);
+    let loaded = study.load("bdpt", "hero", 1)?;
+    let mut render = study.render(&loaded);
     (0..options.reference_passes).for_each(|pass| render.add_pass(pass));
     let reference = image(&render);
     let mut rows = Vec::new();
@@ -128,39 +118,60 @@ fn measure(options: &BandingOptions) -> Result<(Vec<Row>, Memory, Crop), CliErro
     for shot in shots.flat_map(|(((a, b), c), d)| [a, b, c, d]) {
         rows.push(study.row(shot, &reference)?);
     }
-    Ok((rows, memory, crop))
-}
-
-/// The scene with the overrides of one method; `seed` is added to the scene's.
-fn load_as(
-    options: &BandingOptions,
-    integrator: &str,
-    sharing: &str,
-    seed: u64,
-) -> Result<Loaded, CliError> {
-    let fixed = [
-        ("render.integrator", integrator),
-        ("render.sharing", sharing),
-        ("render.regularize", "off"),
-        ("render.filter", "box"),
-    ];
-    let fixed = fixed.map(|(key, value)| (key.to_owned(), value.to_owned()));
-    let overrides: Vec<_> = options.overrides.set.iter().cloned().chain(fixed).collect();
-    let mut loaded = load::load(&options.scene, &overrides)?;
-    loaded.settings.seed = loaded.settings.seed.wrapping_add(seed);
-    Ok(loaded)
+    Ok(Findings {
+        rows,
+        memory,
+        crop: study.crop,
+        passes: study.passes,
+    })
 }
 
 fn image(render: &Render) -> Vec<f64> {
     render.outputs().image.image(render.passes().len() as u64)
 }
 
-impl Study<'_> {
+impl<'o> Study<'o> {
+    /// Finds the sensor; what is wrong with the options is found before anything is rendered.
+    fn new(options: &'o BandingOptions) -> Result<Self, CliError> {
+        let fixed = [("render.regularize", "off"), ("render.filter", "box")];
+        let fixed = fixed.map(|(key, value)| (key.to_owned(), value.to_owned()));
+        let mut overrides: Vec<_> = options.overrides.set.iter().cloned().chain(fixed).collect();
+        let loaded = load::load(&options.scene, &overrides)?;
+        let sensor = loaded.sensor(options.sensor.as_deref())?;
+        let seen_by = &loaded.scene.sensors[sensor];
+        if seen_by.filter != Filter::Box {
+            // it has a filter of its own
+            overrides.push((format!("sensor.{sensor}.filter"), "box".to_owned()));
+        }
+        let crop = seen_by.whole_film();
+        region(&options.lines, (crop.width(), crop.height()))?;
+        let mut passes = options.passes.clone();
+        passes.sort_unstable();
+        passes.dedup();
+        Ok(Self {
+            options,
+            overrides,
+            sensor,
+            crop,
+            passes,
+        })
+    }
+
+    /// The scene as one method renders it; `seed` is added to the scene's.
+    fn load(&self, integrator: &str, sharing: &str, seed: u64) -> Result<Loaded, CliError> {
+        let method = [
+            ("render.integrator", integrator),
+            ("render.sharing", sharing),
+        ];
+        let method = method.map(|(key, value)| (key.to_owned(), value.to_owned()));
+        let overrides: Vec<_> = self.overrides.iter().cloned().chain(method).collect();
+        let mut loaded = load::load(&self.options.scene, &overrides)?;
+        loaded.settings.seed = loaded.settings.seed.wrapping_add(seed);
+        Ok(loaded)
+    }
+
     fn render<'a>(&self, loaded: &'a Loaded) -> Render<'a> {
-        let request = OutputRequest {
-            response: SensorResponse::Xyz,
-            ..OutputRequest::default()
-        };
+        let request = OutputRequest::default();
         Render::new(
             &loaded.scene,
             self.sensor,
@@ -175,15 +186,14 @@ impl Study<'_> {
         &self,
         method: &'static str,
         sharing: &str,
-        passes: &[u32],
     ) -> Result<(Vec<Shot>, Memory), CliError> {
-        let loaded = load_as(self.options, "vcm", sharing, 0)?;
+        let loaded = self.load("vcm", sharing, 0)?;
         let mut render = self.render(&loaded);
         let start = Instant::now();
         let mut shots = Vec::new();
-        for pass in 0..passes.last().copied().unwrap_or(0) {
+        for pass in 0..self.passes.last().copied().unwrap_or(0) {
             render.add_pass(pass);
-            if passes.contains(&(pass + 1)) {
+            if self.passes.contains(&(pass + 1)) {
                 shots.push(Shot {
                     method,
                     passes: pass as usize + 1,
@@ -195,19 +205,20 @@ impl Study<'_> {
         }
         let counters = render.counters();
         let memory = Memory {
-            bytes_per_vertex: render.photon_memory().map_or(0, |m| m.bytes_per_vertex),
+            bytes_per_vertex: render.bytes_per_photon().unwrap_or(0),
             vertices_per_path: counters.photons as f64 / counters.paths.max(1) as f64,
         };
         Ok((shots, memory))
     }
 
     /// Images without merging: after the same passes, and after the same time.
-    fn bdpt(&self, loaded: &Loaded, passes: &[u32], merged: &[Shot]) -> (Vec<Shot>, Vec<Shot>) {
-        let mut render = self.render(loaded);
+    fn bdpt(&self, merged: &[Shot]) -> Result<(Vec<Shot>, Vec<Shot>), CliError> {
+        let loaded = self.load("bdpt", "hero", 0)?;
+        let mut render = self.render(&loaded);
         let start = Instant::now();
         let (mut by_passes, mut by_time) = (Vec::new(), Vec::new());
         let mut pass = 0;
-        while by_passes.len() < passes.len() || by_time.len() < merged.len() {
+        while by_passes.len() < self.passes.len() || by_time.len() < merged.len() {
             render.add_pass(pass);
             pass += 1;
             let seconds = start.elapsed().as_secs_f64();
@@ -218,7 +229,7 @@ impl Study<'_> {
                 xyz: image(&render),
                 shared: None,
             };
-            if passes.contains(&pass) {
+            if self.passes.contains(&pass) {
                 by_passes.push(shot("bdpt, as many passes"));
             }
             while merged
@@ -228,7 +239,7 @@ impl Study<'_> {
                 by_time.push(shot("bdpt, as much time"));
             }
         }
-        (by_passes, by_time)
+        Ok((by_passes, by_time))
     }
 
     fn row(&self, shot: Shot, reference: &[f64]) -> Result<Row, CliError> {
@@ -244,13 +255,10 @@ impl Study<'_> {
     }
 }
 
-/// Writes the images side by side, one line for each number of passes, and returns the size of the picture.
-fn picture(
-    options: &BandingOptions,
-    (rows, crop): (&[Row], Crop),
-    path: &Path,
-) -> Result<(usize, usize), CliError> {
+/// The images side by side, one line for each number of passes, as size and PNG.
+fn picture(found: &Findings, exposure_ev: f64) -> std::io::Result<((usize, usize), Vec<u8>)> {
     const COLUMNS: usize = 4;
+    let Findings { rows, crop, .. } = found;
     let (w, h) = (crop.width() as usize, crop.height() as usize);
     let width = COLUMNS * (w + GAP) - GAP;
     let height = rows.len() / COLUMNS * (h + GAP) - GAP;
@@ -262,15 +270,13 @@ fn picture(
             xyz[to..to + 3 * w].copy_from_slice(line);
         }
     }
-    png::write_preview(
-        path,
-        width as u32,
-        height as u32,
+    let png = preview_bytes(
+        (width as u32, height as u32),
         &xyz,
-        options.exposure,
+        exposure_ev,
         xyz_to_linear_srgb,
     )?;
-    Ok((width, height))
+    Ok(((width, height), png))
 }
 
 fn distinct(shot: &Shot) -> (String, String) {
@@ -307,7 +313,7 @@ fn table(rows: &[Row]) -> String {
     text
 }
 
-fn report_json(rows: &[Row], memory: &Memory) -> Value {
+fn report_json(Findings { rows, memory, .. }: &Findings) -> Value {
     let rows: Vec<Value> = rows
         .iter()
         .map(|row| {
@@ -339,13 +345,14 @@ impl Memory {
 }
 
 /// The page, which needs no other file.
-fn page(options: &BandingOptions, rows: &[Row], memory: &Memory, png: &[u8]) -> String {
+fn page(options: &BandingOptions, found: &Findings, png: &[u8]) -> String {
+    let Findings { rows, memory, .. } = found;
     let name = options
         .scene
         .file_stem()
         .unwrap_or_default()
         .to_string_lossy();
-    let name = name.replace('&', "&amp;").replace('<', "&lt;");
+    let name = escape(&name);
     let mut body = String::new();
     for row in rows {
         let [x, y, z] = &row.bands;
@@ -380,49 +387,14 @@ fn page(options: &BandingOptions, rows: &[Row], memory: &Memory, png: &[u8]) -> 
         memory.at_full_hd() * 1e-6
     );
     format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Banding: {name}</title>\n<style>body{{font-family:sans-serif;margin:2em;max-width:1500px}}table{{border-collapse:collapse}}td,th{{padding:.2em .7em;text-align:right;border-bottom:1px solid #ccc}}th{{font-weight:normal;text-align:left}}img{{max-width:100%;image-rendering:pixelated}}</style></head><body>\n<h1>Banding: {name}</h1>\n<p>Where photons are merged, all paths of a pass share wavelengths and time; errors are then the same all along a line of one color. Columns of the picture: vcm; vcm with the wavelengths of successive passes kept apart; bdpt with as many passes; bdpt in as much time. Lines: {passes} passes.</p>\n<img alt=\"comparison\" src=\"data:image/png;base64,{picture}\">\n<h2>Metrics</h2>\n<p>F-ratio: mean square error between lines of one color over that within; 1 for independent errors, above 2 there are bands. Coherent: the errors that whole lines share, relative to the mean. Participation: share of the lines that have their energy. The reference has {reference} passes of bdpt.</p>\n<table><tr><th></th><td>passes</td><td>seconds</td><td>F of X</td><td>F of Y</td><td>F of Z</td><td>coherent, Y</td><td>participation, Y</td><td>relMSE</td><td>wavelengths</td><td>largest gap, nm</td></tr>\n{body}</table>\n<h2>Memory of light vertices at 1920 x 1080</h2>\n<table><tr><th></th><td>bytes per vertex</td><td>vertices per light path</td><td>MB</td></tr>\n{table1}</table>\n</body></html>\n",
-        passes = options
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Banding: {name}</title>\n<style>body{{font-family:sans-serif;margin:2em;max-width:1500px}}table{{border-collapse:collapse}}td,th{{padding:.2em .7em;text-align:right;border-bottom:1px solid #ccc}}th{{font-weight:normal;text-align:left}}img{{max-width:100%;image-rendering:pixelated}}</style></head><body>\n<h1>Banding: {name}</h1>\n<p>Where photons are merged, all paths of a pass share wavelengths and time; errors are then the same all along a line of one color. Columns of the picture: vcm; vcm with the wavelengths of successive passes kept apart; bdpt with as many passes; bdpt in as much time. Lines: {passes} passes.</p>\n<img alt=\"comparison\" src=\"{picture}\">\n<h2>Metrics</h2>\n<p>F-ratio: mean square error between lines of one color over that within; 1 for independent errors, above 2 there are bands. Coherent: the errors that whole lines share, relative to the mean. Participation: share of the lines that have their energy. The reference has {reference} passes of bdpt.</p>\n<table><tr><th></th><td>passes</td><td>seconds</td><td>F of X</td><td>F of Y</td><td>F of Z</td><td>coherent, Y</td><td>participation, Y</td><td>relMSE</td><td>wavelengths</td><td>largest gap, nm</td></tr>\n{body}</table>\n<h2>Memory of light vertices at 1920 x 1080</h2>\n<table><tr><th></th><td>bytes per vertex</td><td>vertices per light path</td><td>MB</td></tr>\n{table1}</table>\n</body></html>\n",
+        passes = found
             .passes
             .iter()
             .map(u32::to_string)
             .collect::<Vec<_>>()
             .join(", "),
-        picture = base64(png),
+        picture = png_url(png),
         reference = options.reference_passes,
     )
-}
-
-/// Base64 (RFC 4648).
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let byte = |i: usize| u32::from(chunk.get(i).copied().unwrap_or(0));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for i in 0..4 {
-            text.push(if i <= chunk.len() {
-                char::from(DIGITS[(bits >> (18 - 6 * i)) as usize & 63])
-            } else {
-                '='
-            });
-        }
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn base64_of_the_standard() {
-        for (plain, text) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foobar", "Zm9vYmFy"),
-        ] {
-            assert_eq!(base64(plain.as_bytes()), text);
-        }
-    }
 }

@@ -63,7 +63,8 @@ impl Class {
     }
 
     fn mean(&self, table: usize) -> f64 {
-        self.rows(table).map(|r| r.weighted_mean).sum()
+        // not a sum: that of nothing is -0
+        self.rows(table).fold(0.0, |sum, r| sum + r.weighted_mean)
     }
 
     fn rows(&self, table: usize) -> impl Iterator<Item = &Row> {

@@ -61,6 +61,21 @@ pub fn run(options: &CompareOptions) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
+/// The part of an image whose bands are measured.
+///
+/// # Errors
+/// Where it reaches beyond the image.
+pub fn region(lines: &ColorLines, (width, height): (u32, u32)) -> Result<Crop, CliError> {
+    let region = lines.region.unwrap_or(Crop::whole(width, height));
+    if region.x1 > width || region.y1 > height {
+        return Err(CliError::Usage(format!(
+            "region {},{},{},{} reaches beyond an image of {width} x {height} pixels",
+            region.x0, region.y0, region.x1, region.y1
+        )));
+    }
+    Ok(region)
+}
+
 /// Bands of X, Y and Z.
 ///
 /// # Errors
@@ -71,13 +86,7 @@ pub fn bands(
     (width, height): (u32, u32),
     lines: &ColorLines,
 ) -> Result<[Banding; 3], CliError> {
-    let region = lines.region.unwrap_or(Crop::whole(width, height));
-    if region.x1 > width || region.y1 > height {
-        return Err(CliError::Usage(format!(
-            "region {},{},{},{} reaches beyond an image of {width} x {height} pixels",
-            region.x0, region.y0, region.x1, region.y1
-        )));
-    }
+    let region = region(lines, (width, height))?;
     let range = |a: u32, b: u32| a as usize..b as usize;
     let area = (range(region.x0, region.x1), range(region.y0, region.y1));
     let channel =

@@ -2,10 +2,9 @@
 
 use super::args::ConvertOptions;
 use super::{CliError, Outcome, print};
-use crate::io::atomic::{check_writable, write_atomic};
+use crate::io::atomic::{check_writable, folder, write_atomic};
 use crate::io::convert::scene_text;
-use crate::io::model::{self, ModelKind};
-use glam::DAffine3;
+use crate::io::model::{self, ModelKind, Staging};
 use std::io::Write as _;
 use std::path::Path;
 
@@ -16,10 +15,13 @@ pub fn run(options: &ConvertOptions) -> Result<Outcome, CliError> {
         .ok_or_else(|| CliError::file(path, "not a model (allowed: .gltf, .glb, .obj, .ply)"))?;
     check_writable(&options.output)?;
     let name = name_from(&options.output, path)?;
-    let read = model::load(path, kind, DAffine3::IDENTITY)
+    let read = model::load(path, kind, &Staging::default())
         .map_err(|message| CliError::file(path, message))?;
     for note in &read.notes {
         eprintln!("warning: {note}");
+    }
+    if read.animated && !read.cameras.is_empty() {
+        eprintln!("warning: cameras are written as they are at 0 s of the animations");
     }
     let text = scene_text(&read, kind, &name);
     write_atomic(&options.output, |file| file.write_all(text.as_bytes()))?;
@@ -41,11 +43,7 @@ fn name_from(scene: &Path, model: &Path) -> Result<String, CliError> {
         path.canonicalize()
             .map_err(|e| CliError::file(path, e.to_string()))
     };
-    let folder = match scene.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let (folder, inside) = (absolute(folder)?, absolute(model)?);
+    let (folder, inside) = (absolute(folder(scene))?, absolute(model)?);
     let relative = inside.strip_prefix(&folder).map_err(|_| {
         CliError::file(
             scene,

@@ -77,20 +77,7 @@ pub fn write_image(
     let Some(preview) = preview else {
         return Ok(());
     };
-    let channel = |name: &str| {
-        image
-            .channels
-            .iter()
-            .find(|c| c.name == name)
-            .map_or(&[][..], |c| &c.values)
-    };
-    let (x, y, z) = (channel("X"), channel("Y"), channel("Z"));
-    let xyz: Vec<f64> = x
-        .iter()
-        .zip(y)
-        .zip(z)
-        .flat_map(|((x, y), z)| [x, y, z].map(|v| f64::from(*v)))
-        .collect();
+    let xyz = image.xyz().unwrap_or_default();
     let size = (image.crop.x1 - image.crop.x0, image.crop.y1 - image.crop.y0);
     Ok(png::write_preview(
         preview,

@@ -1,10 +1,12 @@
 //! A scene file as the commands need it: the built scene, its settings, and what they say of the image.
 
 use super::CliError;
-use crate::film::Filter;
+use super::args::VERSION;
+use crate::film::{Filter, SensorResponse};
+use crate::io::part::{PartHeader, PassRange};
 use crate::io::scene_file::document::hash_bytes;
 use crate::io::scene_file::{self, OutputUnits};
-use crate::render::{EpsilonChoice, RadiusChoice};
+use crate::render::{EpsilonChoice, RadiusChoice, Render};
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
 use crate::scene::frozen::Frozen;
 use crate::scene::settings::{Heuristic, IntegratorKind, Regularize, Sharing};
@@ -95,9 +97,60 @@ fn wavelengths_name(settings: &WavelengthSettings) -> String {
 }
 
 impl Loaded {
-    /// What the image says of how it was made: attribute and text.
+    /// The sensor of that name, the first without one.
+    ///
+    /// # Errors
+    /// Where there is no such sensor.
+    pub fn sensor(&self, name: Option<&str>) -> Result<usize, CliError> {
+        let Some(name) = name else {
+            return Ok(0);
+        };
+        self.scene.sensor_index(name).ok_or_else(|| {
+            let names: Vec<&str> = self.scene.sensors.iter().map(|s| s.name.as_str()).collect();
+            CliError::Usage(format!(
+                "unknown sensor \"{name}\" (the scene has: {})",
+                names.join(", ")
+            ))
+        })
+    }
+
+    /// Response of the main image.
     #[must_use]
-    pub fn image_attributes(&self, sensor: usize) -> BTreeMap<String, String> {
+    pub fn response(&self) -> SensorResponse {
+        match self.units {
+            OutputUnits::Radiance => SensorResponse::Xyz,
+            OutputUnits::Photometric => SensorResponse::Photometric,
+        }
+    }
+
+    /// What an image, or a part, says of the render that it is of.
+    #[must_use]
+    pub fn header(&self, sensor: usize, render: &Render) -> PartHeader {
+        let crop = render.crop();
+        let size = self.scene.sensors[sensor].camera.resolution();
+        let mut image = self.image_attributes(sensor);
+        if let Some(epsilon) = render.epsilon() {
+            image.extend(self.epsilon_attributes(epsilon, render.tells_bias()));
+        }
+        if let Some(radius) = render.radius() {
+            image.extend(self.merging_attributes(radius));
+        }
+        PartHeader {
+            version: VERSION.to_owned(),
+            scene_hash: self.scene.hash,
+            settings_hash: self.settings_hash(sensor),
+            sensor: self.scene.sensors[sensor].name.clone(),
+            width: size.width,
+            height: size.height,
+            crop: [crop.x0, crop.y0, crop.x1, crop.y1],
+            channels: render.outputs().response.channels() as u32,
+            image,
+            passes: pass_ranges(render.passes(), self.settings.seed),
+        }
+    }
+
+    /// What the image says of how it was made: attribute and text.
+    fn image_attributes(&self, sensor: usize) -> BTreeMap<String, String> {
         let settings = &self.settings;
         let unit = match self.units {
             OutputUnits::Radiance => "radiance, unit equal-energy radiance has Y = 1",
@@ -135,8 +188,7 @@ impl Loaded {
     }
 
     /// What the image says of the cones it was made with.
-    #[must_use]
-    pub fn epsilon_attributes(
+    fn epsilon_attributes(
         &self,
         epsilon: &EpsilonChoice,
         tells_bias: bool,
@@ -161,8 +213,7 @@ impl Loaded {
     }
 
     /// What the image says of merging.
-    #[must_use]
-    pub fn merging_attributes(&self, radius: &RadiusChoice) -> BTreeMap<String, String> {
+    fn merging_attributes(&self, radius: &RadiusChoice) -> BTreeMap<String, String> {
         let merging = &self.settings.merging;
         let sharing = match merging.sharing {
             Sharing::Hero => "hero",
@@ -193,5 +244,42 @@ impl Loaded {
             ..self.settings.clone()
         };
         hash_bytes(format!("{settings:?} {:?}", self.image_attributes(sensor)).as_bytes())
+    }
+}
+
+/// Passes in any order as ranges, sorted and apart.
+fn pass_ranges(passes: &[u32], seed: u64) -> Vec<PassRange> {
+    let mut sorted: Vec<u64> = passes.iter().copied().map(u64::from).collect();
+    sorted.sort_unstable();
+    let mut ranges: Vec<PassRange> = Vec::new();
+    for pass in sorted {
+        match ranges.last_mut().filter(|r| r.end == pass) {
+            Some(range) => range.end += 1,
+            None => ranges.push(PassRange {
+                seed,
+                start: pass,
+                end: pass + 1,
+            }),
+        }
+    }
+    ranges
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_become_ranges() {
+        let range = |start, end| PassRange {
+            seed: 7,
+            start,
+            end,
+        };
+        assert_eq!(pass_ranges(&[], 7), []);
+        assert_eq!(
+            pass_ranges(&[5, 0, 1, 2, 6, 9], 7),
+            [range(0, 3), range(5, 7), range(9, 10)]
+        );
     }
 }

@@ -10,6 +10,7 @@ mod convert;
 mod cost;
 mod error;
 mod glass;
+mod html;
 mod image_output;
 mod info;
 mod interrupt;
@@ -20,6 +21,7 @@ mod readable;
 mod render;
 mod stats;
 mod summary;
+mod threads;
 mod usage;
 
 use args::{Arguments, Command};

@@ -10,17 +10,17 @@ use super::load::{self, Loaded};
 use super::progress::Progress;
 use super::stats::{self, SensorStats};
 use super::usage::{bytes_text, film_bytes, geometry_bytes, texture_bytes};
-use super::{CliError, Outcome, print, summary};
+use super::{CliError, Outcome, print, summary, threads};
 use crate::film::{Crop, SensorResponse, SpectralChannels};
 use crate::io::atomic::check_writable;
-use crate::io::part::{self, PartHeader, PassRange};
-use crate::io::scene_file::OutputUnits;
+use crate::io::part::{self, PartHeader};
 use crate::render::forecast::ErrorHistory;
 use crate::render::guides::Guide;
 use crate::render::stop::{StopReason, StopRules};
 use crate::render::{OutputRequest, PhotonMemory, Render};
 use crate::scene::Scene;
-use std::collections::{BTreeMap, BTreeSet};
+use std::cell::LazyCell;
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -51,6 +51,7 @@ struct Job<'a> {
 
 /// Runs the command.
 pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
+    options.moment.check(&options.scene)?;
     let loaded = load::load(&options.scene, &options.scene_overrides())?;
     let sensors = chosen_sensors(options, &loaded)?;
     let targets: Vec<Targets> = sensors
@@ -63,13 +64,6 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         .map(|&s| crop(options, &loaded, s))
         .collect::<Result<Vec<_>, _>>()?;
     let request = output_request(options, &loaded);
-    if options.aov.iter().any(|a| matches!(a, Aov::Bias))
-        && loaded.settings.regularization.bias_estimate != Some(true)
-    {
-        return Err(CliError::Usage(
-            "the layer bias needs --set render.bias_estimate=true".to_owned(),
-        ));
-    }
     check_memory(options, &loaded, &request, &crops)?;
     // from here on: the first output says that an interrupt is safe
     let interrupt = Interrupt::listen()?;
@@ -79,10 +73,7 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         }
         print(&summary::effects(&loaded.scene.effects));
     }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads.map_or(0, usize::from))
-        .build();
-    let pool = pool.map_err(|e| CliError::Failed(format!("cannot start threads: {e}")))?;
+    let pool = threads::pool(options.threads)?;
     let endless =
         options.spp.is_none() && (options.time.is_some() || options.target_error.is_some());
     let job = Job {
@@ -120,16 +111,7 @@ fn chosen_sensors(options: &RenderOptions, loaded: &Loaded) -> Result<Vec<usize>
     let scene = &loaded.scene;
     let sensors = match &options.sensor {
         None => (0..scene.sensors.len()).collect(),
-        Some(name) => {
-            let names: Vec<&str> = scene.sensors.iter().map(|s| s.name.as_str()).collect();
-            let unknown = || {
-                CliError::Usage(format!(
-                    "unknown sensor \"{name}\" (the scene has: {})",
-                    names.join(", ")
-                ))
-            };
-            vec![scene.sensor_index(name).ok_or_else(unknown)?]
-        }
+        name => vec![loaded.sensor(name.as_deref())?],
     };
     if options.part.is_some() && sensors.len() > 1 {
         return Err(CliError::Usage(format!(
@@ -218,10 +200,7 @@ fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
         }
     };
     OutputRequest {
-        response: match loaded.units {
-            OutputUnits::Radiance => SensorResponse::Xyz,
-            OutputUnits::Photometric => SensorResponse::Photometric,
-        },
+        response: loaded.response(),
         spectral,
         strategies: options.aov.iter().any(|a| matches!(a, Aov::Strategies)),
         classes: options.aov.iter().filter_map(class).collect(),
@@ -313,6 +292,13 @@ impl Job<'_> {
         let start = Instant::now();
         let cpu_start = super::usage::cpu_seconds();
         let mut render = Render::new(&loaded.scene, sensor, &loaded.settings, crop, &self.request);
+        let tells_bias = render.epsilon().is_some() && render.tells_bias();
+        if options.aov.iter().any(|a| matches!(a, Aov::Bias)) && !tells_bias {
+            return Err(CliError::Usage(
+                "the layer bias needs regularization and --set render.bias_estimate=true"
+                    .to_owned(),
+            ));
+        }
         if options.resume {
             self.resume(sensor, &mut render)?;
         }
@@ -334,22 +320,25 @@ impl Job<'_> {
         }
         let guides = guides_for(&options.aov, &loaded.scene, sensor, &render);
         let done: BTreeSet<u32> = render.passes().iter().copied().collect();
-        let todo = || self.passes.clone().filter(|p| !done.contains(p));
+        let all = u64::from(self.passes.end - self.passes.start);
         let progress = Progress::new(
             &loaded.scene.sensors[sensor].name,
-            todo().count() as u64,
+            all - done.range(self.passes.clone()).count() as u64,
             &self.rules,
             options.quiet,
         );
         let mut stop = StopReason::Passes;
         let mut saved = Instant::now();
+        let first_pass = Instant::now();
         let (mut history, mut rendered) = (ErrorHistory::default(), 0);
-        let mut todo = todo().zip(1_u64..).peekable();
+        let todo = self.passes.clone().filter(|p| !done.contains(p));
+        let mut todo = todo.zip(1_u64..).peekable();
         while let Some((pass, count)) = todo.next() {
             let pass_start = Instant::now();
             render.add_pass(pass);
             rendered = count;
-            history.after_pass(render.passes().len() as u64, || render.relative_error());
+            let error = LazyCell::new(|| render.error().map(|e| e.relative));
+            history.after_pass(render.passes().len() as u64, || *error);
             let counters = render.counters();
             progress.update(
                 count,
@@ -364,9 +353,7 @@ impl Job<'_> {
                 Some(StopReason::Interrupted)
             } else {
                 self.rules
-                    .check(render.passes().len(), start.elapsed(), || {
-                        render.relative_error()
-                    })
+                    .check(render.passes().len(), start.elapsed(), || *error)
             };
             if let Some(reason) = reason {
                 stop = reason;
@@ -377,6 +364,7 @@ impl Job<'_> {
                 saved = Instant::now();
             }
         }
+        let pass_time = first_pass.elapsed();
         drop(progress);
         self.save(sensor, &render, &guides, targets)?;
         let mut stats = SensorStats::new(
@@ -386,12 +374,13 @@ impl Job<'_> {
             start.elapsed(),
             cpu_start,
         );
-        stats.forecast = stats.relative_error.filter(|_| rendered > 0).map(|error| {
-            let half = 0.5 * error;
-            let target = options.target_error.filter(|&t| t < error).unwrap_or(half);
-            let per_pass = start.elapsed().div_f64(rendered as f64);
+        stats.forecast = stats.error.filter(|_| rendered > 0).map(|error| {
+            let half = 0.5 * error.relative;
+            let below = |target: &f64| *target < error.relative;
+            let target = options.target_error.filter(below).unwrap_or(half);
+            let per_pass = pass_time.div_f64(rendered as f64);
             let passes = stats.passes.len() as u64;
-            (target, history.forecast(passes, error, per_pass, target))
+            (target, history.forecast(passes, &error, per_pass, target))
         });
         if !options.quiet {
             let exposure = targets
@@ -418,7 +407,7 @@ impl Job<'_> {
         }
         let expected = PartHeader {
             passes: found.header.passes.clone(),
-            ..self.header(sensor, render)
+            ..self.loaded.header(sensor, render)
         };
         if found.header != expected {
             let what = [
@@ -449,35 +438,6 @@ impl Job<'_> {
             .map_err(|e| CliError::file(path, e.to_string()))
     }
 
-    fn header(&self, sensor: usize, render: &Render) -> PartHeader {
-        let crop = render.crop();
-        let size = self.loaded.scene.sensors[sensor].camera.resolution();
-        PartHeader {
-            version: super::args::VERSION.to_owned(),
-            scene_hash: self.loaded.scene.hash,
-            settings_hash: self.loaded.settings_hash(sensor),
-            sensor: self.loaded.scene.sensors[sensor].name.clone(),
-            width: size.width,
-            height: size.height,
-            crop: [crop.x0, crop.y0, crop.x1, crop.y1],
-            channels: self.request.response.channels() as u32,
-            image: self.image_attributes(sensor, render),
-            passes: pass_ranges(render.passes(), self.loaded.settings.seed),
-        }
-    }
-
-    /// What the image says of how it was made.
-    fn image_attributes(&self, sensor: usize, render: &Render) -> BTreeMap<String, String> {
-        let mut attributes = self.loaded.image_attributes(sensor);
-        if let Some(epsilon) = render.epsilon() {
-            attributes.extend(self.loaded.epsilon_attributes(epsilon, render.tells_bias()));
-        }
-        if let Some(radius) = render.radius() {
-            attributes.extend(self.loaded.merging_attributes(radius));
-        }
-        attributes
-    }
-
     fn save(
         &self,
         sensor: usize,
@@ -485,7 +445,7 @@ impl Job<'_> {
         guides: &[Guide],
         targets: &Targets,
     ) -> Result<(), CliError> {
-        let header = self.header(sensor, render);
+        let header = self.loaded.header(sensor, render);
         if header.passes.is_empty() {
             return Err(CliError::Failed("there is no pass to render".to_owned()));
         }
@@ -507,41 +467,9 @@ impl Job<'_> {
     }
 }
 
-/// Passes in any order as ranges, sorted and apart.
-fn pass_ranges(passes: &[u32], seed: u64) -> Vec<PassRange> {
-    let mut sorted: Vec<u64> = passes.iter().copied().map(u64::from).collect();
-    sorted.sort_unstable();
-    let mut ranges: Vec<PassRange> = Vec::new();
-    for pass in sorted {
-        match ranges.last_mut().filter(|r| r.end == pass) {
-            Some(range) => range.end += 1,
-            None => ranges.push(PassRange {
-                seed,
-                start: pass,
-                end: pass + 1,
-            }),
-        }
-    }
-    ranges
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn passes_become_ranges() {
-        let range = |start, end| PassRange {
-            seed: 7,
-            start,
-            end,
-        };
-        assert_eq!(pass_ranges(&[], 7), []);
-        assert_eq!(
-            pass_ranges(&[5, 0, 1, 2, 6, 9], 7),
-            [range(0, 3), range(5, 7), range(9, 10)]
-        );
-    }
 
     #[test]
     fn huge_times_are_no_limit() {

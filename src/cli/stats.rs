@@ -9,7 +9,7 @@ use crate::render::bias::BiasEstimate;
 use crate::render::forecast::Forecast;
 use crate::render::stop::StopReason;
 use crate::render::table::ClassShare;
-use crate::render::{Render, SharedWavelengths};
+use crate::render::{ErrorEstimate, Render, SharedWavelengths};
 use crate::scene::effects::Effect;
 use crate::transport::Counters;
 use serde_json::{Value, json};
@@ -80,7 +80,7 @@ impl MergeStats {
             radius_first: render.radius_of_pass(*passes.iter().min()?)?,
             radius_last: render.radius_of_pass(*passes.iter().max()?)?,
             bytes: render.photon_bytes(),
-            bytes_per_vertex: render.photon_memory()?.bytes_per_vertex,
+            bytes_per_vertex: render.bytes_per_photon()?,
             vertices_per_path: counters.photons as f64 / counters.paths.max(1) as f64,
             wavelengths: render.shared_wavelengths()?,
         })
@@ -123,8 +123,8 @@ pub struct SensorStats {
     pub non_finite: u64,
     /// Contributions left out because they were too large.
     pub saturated: u64,
-    /// Estimated relative error.
-    pub relative_error: Option<f64>,
+    /// Estimated error.
+    pub error: Option<ErrorEstimate>,
     /// A smaller relative error, and what it would take.
     pub forecast: Option<(f64, Forecast)>,
     /// Classes of paths with few hits, where the table of classes is kept.
@@ -172,7 +172,7 @@ impl SensorStats {
             cpu_seconds: cpu_start.and_then(|start| Some(cpu_seconds()? - start)),
             non_finite: counters.non_finite + rejected.not_finite,
             saturated: rejected.saturated,
-            relative_error: render.relative_error(),
+            error: render.error(),
             forecast: None,
             rarely_hit: render.table().rarely_hit(FEW_HITS),
             epsilon: EpsilonStats::new(render),
@@ -210,7 +210,8 @@ impl SensorStats {
             "saturated": self.saturated,
             "medium_mismatches": c.medium_mismatches,
             "nesting_overflows": c.nesting_overflows,
-            "relative_error": self.relative_error,
+            "relative_error": self.error.map(|e| e.relative),
+            "relative_error_of_all_pixels": self.error.map(|e| e.of_all_pixels),
             "forecast": self.forecast.map(forecast_json),
             "rarely_hit": self.rarely_hit.iter().map(class_json).collect::<Vec<_>>(),
             "regularization": self.regularization,
@@ -226,12 +227,16 @@ fn effect_json(effect: &Effect) -> Value {
 }
 
 fn forecast_json((target, forecast): (f64, Forecast)) -> Value {
-    let seconds = match forecast {
-        Forecast::Takes(time) => Some(time.as_secs_f64()),
-        Forecast::Unknown | Forecast::Unsteady => None,
+    let (passes, seconds) = match forecast {
+        Forecast::Takes { passes, time } => (Some(passes), Some(time.as_secs_f64())),
+        Forecast::Unknown | Forecast::Unsteady => (None, None),
     };
-    let unsteady = forecast == Forecast::Unsteady;
-    json!({ "relative_error": target, "seconds": seconds, "unsteady": unsteady })
+    json!({
+        "relative_error": target,
+        "passes": passes,
+        "seconds": seconds,
+        "unsteady": forecast == Forecast::Unsteady,
+    })
 }
 
 fn class_json(class: &ClassShare) -> Value {

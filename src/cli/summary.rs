@@ -89,10 +89,17 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
         stats.rays() as f64 * 1e-6 / wall.max(1e-9),
     );
     _ = writeln!(text, "  rays      {rays:.3} million, {rate:.3} million/s");
-    let error = stats
-        .relative_error
-        .map_or_else(|| "unknown".to_owned(), |e| format!("{:.2} %", 100.0 * e));
-    _ = writeln!(text, "  error     {error} (estimated, relative)");
+    let error = stats.error.map_or_else(
+        || "unknown".to_owned(),
+        |e| {
+            format!(
+                "{:.2} % (estimated, relative; {:.2} % with the worst 0.1 % of the pixels)",
+                100.0 * e.relative,
+                100.0 * e.of_all_pixels
+            )
+        },
+    );
+    _ = writeln!(text, "  error     {error}");
     text += &accuracy(stats);
     text += &rarely_hit(stats);
     if let Some(epsilon) = &stats.epsilon {
@@ -146,12 +153,12 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
 
 /// What a smaller error would take.
 fn accuracy(stats: &SensorStats) -> String {
-    let (Some(error), Some((target, forecast))) = (stats.relative_error, stats.forecast) else {
+    let (Some(error), Some((target, forecast))) = (stats.error, stats.forecast) else {
         return String::new();
     };
     let now = format!(
         "{} now ({})",
-        percent(error),
+        percent(error.relative),
         duration(stats.wall.as_secs_f64())
     );
     match forecast {
@@ -161,7 +168,7 @@ fn accuracy(stats: &SensorStats) -> String {
                 "  accuracy  {now}; unsteady: the error does not fall evenly, its future is not known\n"
             )
         }
-        Forecast::Takes(time) => format!(
+        Forecast::Takes { time, .. } => format!(
             "  accuracy  {now}; {} would take about {}\n",
             percent(target),
             duration(time.as_secs_f64())

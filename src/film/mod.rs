@@ -243,25 +243,9 @@ impl Film {
             .collect()
     }
 
-    /// The images of the even and of the odd passes alone, as [`Film::image`].
+    /// Image of the even passes minus that of the odd ones, one channel per pixel, row by row. `None` while a half has no passes.
     #[must_use]
-    pub fn half_images(&self, passes_even: u64, passes_odd: u64) -> [Vec<f64>; 2] {
-        [(0, passes_even), (1, passes_odd)].map(|(half, passes)| {
-            let scale = mean_scale(passes);
-            self.half_sums(half)
-                .iter()
-                .map(|sum| fixed::to_f64(sum.get()) * scale)
-                .collect()
-        })
-    }
-
-    /// Standard error of one channel of [`Film::image`] per pixel, row by row: from the difference of the halves, its
-    /// square averaged over 7 × 7 pixels (fewer at the border). `None` while a half has no passes.
-    ///
-    /// With pₑ and pₒ passes, Var(E − O) = σ²(1/pₑ + 1/pₒ) and the image has variance σ²/(pₑ + pₒ), so the factor
-    /// between them is pₑ pₒ/(pₑ + pₒ)².
-    #[must_use]
-    pub fn standard_error(
+    pub fn half_difference(
         &self,
         channel: usize,
         passes_even: u64,
@@ -270,26 +254,53 @@ impl Film {
         if passes_even == 0 || passes_odd == 0 || channel >= self.channels {
             return None;
         }
-        let [even, odd] = self.half_images(passes_even, passes_odd);
+        let values = |half| {
+            self.half_sums(half)
+                .iter()
+                .skip(channel)
+                .step_by(self.channels)
+                .map(|sum| fixed::to_f64(sum.get()))
+        };
+        let (even, odd) = (mean_scale(passes_even), mean_scale(passes_odd));
+        let pairs = values(0).zip(values(1));
+        Some(pairs.map(|(e, o)| e * even - o * odd).collect())
+    }
+
+    /// One sample of the standard error of [`Film::image`] per pixel of one channel, with a sign: its square has the variance of
+    /// the image as its mean. `None` while a half has no passes.
+    ///
+    /// With pₑ and pₒ passes, Var(E − O) = σ²(1/pₑ + 1/pₒ) and the image has variance σ²/(pₑ + pₒ), so the factor
+    /// between them is pₑ pₒ/(pₑ + pₒ)².
+    #[must_use]
+    pub fn noise(&self, channel: usize, passes_even: u64, passes_odd: u64) -> Option<Vec<f64>> {
+        let mut noise = self.half_difference(channel, passes_even, passes_odd)?;
         let share = passes_even as f64 / (passes_even + passes_odd) as f64;
-        let variance: Vec<f64> = even
-            .iter()
-            .zip(&odd)
-            .skip(channel)
-            .step_by(self.channels)
-            .map(|(e, o)| (e - o).powi(2) * share * (1.0 - share))
-            .collect();
+        let scale = (share * (1.0 - share)).sqrt();
+        noise.iter_mut().for_each(|d| *d *= scale);
+        Some(noise)
+    }
+
+    /// Standard error of one channel of [`Film::image`] per pixel, row by row: the square of [`Film::noise`] averaged over 7 × 7
+    /// pixels (fewer at the border). `None` while a half has no passes.
+    #[must_use]
+    pub fn standard_error(
+        &self,
+        channel: usize,
+        passes_even: u64,
+        passes_odd: u64,
+    ) -> Option<Vec<f64>> {
+        let noise = self.noise(channel, passes_even, passes_odd)?;
         let Crop { x0, y0, x1, y1 } = self.crop;
         let window = |at: u32, first: u32, end: u32| {
             at.saturating_sub(ERROR_WINDOW).max(first)..at.saturating_add(ERROR_WINDOW + 1).min(end)
         };
-        let mut errors = Vec::with_capacity(variance.len());
+        let mut errors = Vec::with_capacity(noise.len());
         for y in y0..y1 {
             for x in x0..x1 {
                 let (mut sum, mut count) = (0.0, 0.0);
                 for wy in window(y, y0, y1) {
                     for wx in window(x, x0, x1) {
-                        sum += variance[self.crop.index(wx, wy)];
+                        sum += noise[self.crop.index(wx, wy)].powi(2);
                         count += 1.0;
                     }
                 }

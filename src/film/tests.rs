@@ -112,8 +112,9 @@ fn images_are_means_over_passes() {
     let image = film.image(4);
     assert_eq!((image[at], image[at + 1]), (1.0, 10.0));
     assert_eq!(image.iter().sum::<f64>(), 11.0);
-    let [even, odd] = film.half_images(3, 1);
-    assert_eq!((even[at], odd[at]), (1.0, 1.0));
+    let difference = film.half_difference(1, 2, 1).unwrap();
+    assert_eq!((difference[at / 2], difference[0]), (5.0, 0.0));
+    assert!(film.half_difference(1, 4, 0).is_none());
     assert!(film.image(0).iter().all(|&v| v == 0.0));
 }
 

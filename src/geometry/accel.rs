@@ -59,11 +59,11 @@ impl Accel {
     #[inline]
     fn local(&self, ray: &Ray, id: InstanceId, t_max: f64) -> (&Shape, LocalRay) {
         let instance = &self.instances[id.0 as usize];
-        let to_object = instance.transform.at(ray.time).to_object;
+        let placement = instance.transform.at(ray.time);
         let extent = instance.shape.extent();
         (
             &instance.shape,
-            LocalRay::new(ray, id, &to_object, t_max, extent),
+            LocalRay::new(ray, id, &placement.to_object, t_max, extent),
         )
     }
 
@@ -136,7 +136,7 @@ impl Accel {
         let instance = &self.instances[point.id.instance.0 as usize];
         let placement = instance.transform.at(time);
         let p = placement.to_object.transform_point3(point.p);
-        let local = instance.shape.tangents(point.id.prim, p)?;
+        let local = instance.shape.tangents(point.id.prim, p, time)?;
         Some(local.map(|d| placement.to_world.transform_vector3(d)))
     }
 
@@ -147,6 +147,7 @@ impl Accel {
         let p = instance.transform.at(time).to_object.transform_point3(p);
         let weights = match &instance.shape {
             Shape::Mesh(mesh) => mesh.weights(id.prim, p),
+            Shape::Deforming(mesh) => mesh.weights(id.prim, p, time),
             _ => DVec2::ZERO,
         };
         instance.shape.local_point(id.prim, p, weights, time).uv

@@ -5,7 +5,7 @@
 //! lines. Where triangles move far in comparison to their size, boxes overlap and rays test many triangles in vain; the
 //! shutter is then cut into segments with a tree each, as many as measured tests per ray pay for.
 
-use super::mesh::{MeshError, check, edges_pair_up, vec, winding_normal};
+use super::mesh::{self, MeshError, check, edges_pair_up, vec, winding_normal};
 use super::motion::Shutter;
 use super::ray::LocalRay;
 use super::shape::{LocalPoint, Shape};
@@ -526,6 +526,25 @@ impl Deforming {
             uv,
             prim,
         }
+    }
+
+    /// Derivatives of the position of triangle `prim` at `time` by its texture coordinates, as [`Mesh::tangents`].
+    pub(super) fn tangents(&self, prim: u32, time: f64) -> Option<[DVec3; 2]> {
+        let uvs = self.uvs.as_ref()?;
+        let uv = |v: u32| DVec2::from(uvs[v as usize].map(f64::from));
+        let at = self.triangles[prim as usize].map(uv);
+        mesh::tangents(self.corners(prim, time), at)
+    }
+
+    /// Weights at the point of triangle `prim` nearest to `p` at `time`, as [`Mesh::weights`].
+    pub(super) fn weights(&self, prim: u32, p: DVec3, time: f64) -> DVec2 {
+        mesh::weights(self.corners(prim, time), p)
+    }
+
+    /// Whether it has texture coordinates.
+    #[must_use]
+    pub fn has_texture_coordinates(&self) -> bool {
+        self.uvs.is_some()
     }
 
     fn area_table(&self) -> &AliasTable {

@@ -1,6 +1,6 @@
 //! Triangle meshes: vertices in f32, intersected watertight in f64.
 //!
-//! Corners take 36 bytes per triangle, in the order of the leaves of the tree, and the tree about 17; indices are kept
+//! Corners take 36 bytes per triangle, in the order of the leaves of the tree, and the tree about 5; indices are kept
 //! only where normals or texture coordinates need them.
 
 use super::ray::LocalRay;
@@ -316,29 +316,14 @@ impl Mesh {
     pub(super) fn tangents(&self, prim: u32) -> Option<[DVec3; 2]> {
         let attributes = self.attributes.as_ref()?;
         let uvs = attributes.uvs.as_ref()?;
-        let [a, b, c] = self.corners(prim);
-        let [i, j, k] =
-            attributes.indices[prim as usize].map(|v| DVec2::from(uvs[v as usize].map(f64::from)));
-        let (s, t) = (j - i, k - i);
-        let determinant = s.perp_dot(t);
-        let (p, q) = (b - a, c - a);
-        let du = (p * t.y - q * s.y) / determinant;
-        let dv = (q * s.x - p * t.x) / determinant;
-        (du.is_finite() && dv.is_finite()).then_some([du, dv])
+        let uv = |v: u32| DVec2::from(uvs[v as usize].map(f64::from));
+        let at = attributes.indices[prim as usize].map(uv);
+        tangents(self.corners(prim), at)
     }
 
     /// Barycentric weights of the second and third vertex at the point of triangle `prim` nearest to `p` in its plane.
     pub(super) fn weights(&self, prim: u32, p: DVec3) -> DVec2 {
-        let [a, b, c] = self.corners(prim);
-        let (s, t, q) = (b - a, c - a, p - a);
-        let (ss, st, tt) = (s.dot(s), s.dot(t), t.dot(t));
-        let (qs, qt) = (q.dot(s), q.dot(t));
-        let w = DVec2::new(tt * qs - st * qt, ss * qt - st * qs) / (ss * tt - st * st);
-        if w.is_finite() {
-            w.clamp(DVec2::ZERO, DVec2::ONE)
-        } else {
-            DVec2::ZERO
-        }
+        weights(self.corners(prim), p)
     }
 
     /// A point uniform over the area in object space.
@@ -379,6 +364,29 @@ pub(super) fn edges_pair_up(triangles: impl ExactSizeIterator<Item = [u32; 3]>) 
     edges
         .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
         .all(|e| e.len() == 2 && e[0].2 != e[1].2)
+}
+
+/// Derivatives of the position on a triangle by its texture coordinates; `None` where they are degenerate.
+pub(super) fn tangents([a, b, c]: [DVec3; 3], [i, j, k]: [DVec2; 3]) -> Option<[DVec3; 2]> {
+    let (s, t) = (j - i, k - i);
+    let determinant = s.perp_dot(t);
+    let (p, q) = (b - a, c - a);
+    let du = (p * t.y - q * s.y) / determinant;
+    let dv = (q * s.x - p * t.x) / determinant;
+    (du.is_finite() && dv.is_finite()).then_some([du, dv])
+}
+
+/// Barycentric weights of the second and third corner at the point of a triangle nearest to `p` in its plane.
+pub(super) fn weights([a, b, c]: [DVec3; 3], p: DVec3) -> DVec2 {
+    let (s, t, q) = (b - a, c - a, p - a);
+    let (ss, st, tt) = (s.dot(s), s.dot(t), t.dot(t));
+    let (qs, qt) = (q.dot(s), q.dot(t));
+    let w = DVec2::new(tt * qs - st * qt, ss * qt - st * qs) / (ss * tt - st * st);
+    if w.is_finite() {
+        w.clamp(DVec2::ZERO, DVec2::ONE)
+    } else {
+        DVec2::ZERO
+    }
 }
 
 /// Twice the area times the unit normal.

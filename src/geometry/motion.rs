@@ -10,6 +10,9 @@
 
 use super::pose::Pose;
 use glam::{DAffine3, DMat3, DVec3};
+use std::borrow::Cow;
+use std::cell::RefCell;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// When the shutter is open, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -95,11 +98,7 @@ impl Transform {
             .iter()
             .all(|link| matches!(link, Link::Fixed(_)));
         if fixed || shutter.is_instant() {
-            let whole = Motion {
-                links: links.to_vec(),
-                shutter,
-            };
-            Self::fixed(whole.at(shutter.open_s))
+            Self::fixed(product(links, shutter.open_s, false))
         } else {
             Self::Moving(Box::new(motion))
         }
@@ -119,10 +118,10 @@ impl Transform {
     /// The placement at `time` (seconds).
     #[must_use]
     #[inline]
-    pub fn at(&self, time: f64) -> Placement {
+    pub fn at(&self, time: f64) -> Cow<'_, Placement> {
         match self {
-            Self::Static(p) => *p,
-            Self::Moving(motion) => Placement::new(motion.at(time)),
+            Self::Static(placement) => Cow::Borrowed(placement),
+            Self::Moving(motion) => Cow::Owned(motion.placement(time)),
         }
     }
 
@@ -157,10 +156,46 @@ pub enum Link {
 }
 
 /// A chain of maps with at least one that changes within the shutter.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Motion {
     links: Vec<Link>,
     shutter: Shutter,
+    /// Its name in [`LATEST`], which copies share.
+    id: usize,
+}
+
+impl PartialEq for Motion {
+    fn eq(&self, other: &Self) -> bool {
+        self.links == other.links && self.shutter == other.shutter
+    }
+}
+
+/// Motions there were so far.
+static MOTIONS: AtomicUsize = AtomicUsize::new(0);
+
+thread_local! {
+    /// The latest placements asked for: all rays of a path meet a thing at one moment. By the last digits of ids.
+    static LATEST: RefCell<[Option<Latest>; 16]> = const { RefCell::new([None; 16]) };
+}
+
+#[derive(Clone, Copy)]
+struct Latest {
+    id: usize,
+    time: f64,
+    placement: Placement,
+}
+
+/// The product of a chain at `time`; at a step after it, or before it if `before`.
+fn product(links: &[Link], time: f64, before: bool) -> DAffine3 {
+    let map = |link: &Link| match link {
+        Link::Fixed(map) => *map,
+        Link::Keyed(pose) => pose.at(time, before),
+    };
+    links
+        .iter()
+        .map(map)
+        .reduce(|outer, inner| outer * inner)
+        .unwrap_or(DAffine3::IDENTITY)
 }
 
 /// Most steps that bounds are taken over between two keys, and between all together.
@@ -187,26 +222,34 @@ impl Motion {
         Self {
             links: merged,
             shutter,
+            id: MOTIONS.fetch_add(1, Ordering::Relaxed),
         }
     }
 
-    fn product(&self, time: f64, before: bool) -> DAffine3 {
-        let map = |link: &Link| match link {
-            Link::Fixed(map) => *map,
-            Link::Keyed(pose) => pose.at(time, before),
-        };
-        self.links
-            .iter()
-            .map(map)
-            .reduce(|outer, inner| outer * inner)
-            .unwrap_or(DAffine3::IDENTITY)
+    /// The placement at `time`, which is moved into the shutter.
+    #[inline]
+    fn placement(&self, time: f64) -> Placement {
+        LATEST.with_borrow_mut(|latest| {
+            let slot = &mut latest[self.id % latest.len()];
+            match slot {
+                Some(last) if last.id == self.id && last.time == time => last.placement,
+                _ => {
+                    let placement = self.compute(time);
+                    *slot = Some(Latest {
+                        id: self.id,
+                        time,
+                        placement,
+                    });
+                    placement
+                }
+            }
+        })
     }
 
-    /// The map at `time`, which is moved into the shutter.
-    #[inline]
-    fn at(&self, time: f64) -> DAffine3 {
+    #[cold]
+    fn compute(&self, time: f64) -> Placement {
         let time = time.max(self.shutter.open_s).min(self.shutter.close_s);
-        self.product(time, false)
+        Placement::new(product(&self.links, time, false))
     }
 
     /// Bounds of |x|, |x'| and |x''| over `a..b` (without a key inside) for all points at most `radius` from the origin.
@@ -238,7 +281,7 @@ impl Motion {
         breaks.sort_unstable_by(f64::total_cmp);
         breaks.dedup();
         // a step may be due at the very end
-        let (mut low, mut high) = placed(&self.product(close_s, false));
+        let (mut low, mut high) = placed(&product(&self.links, close_s, false));
         let mut add = |(l, h): (DVec3, DVec3), slack: f64| {
             low = low.min(l - slack);
             high = high.max(h + slack);
@@ -246,7 +289,7 @@ impl Motion {
         let most = MOST_STEPS[0].min(MOST_STEPS[1] / breaks.len()) as f64;
         for pair in breaks.windows(2) {
             let (a, b) = (pair[0], pair[1]);
-            let start = placed(&self.product(a, false));
+            let start = placed(&product(&self.links, a, false));
             let size = (start.1 - start.0).length().max(f64::MIN_POSITIVE);
             let bend = self.derivatives(a, b, radius)[2];
             let steps = ((b - a) * (bend / (8.0 * SLACK * size)).sqrt()).ceil();
@@ -264,8 +307,8 @@ impl Motion {
                 let [reach, _, bend] = self.derivatives(s, e, radius);
                 let slack = bend * (e - s) * (e - s) / 8.0;
                 if slack.is_finite() {
-                    add(placed(&self.product(s, false)), slack);
-                    add(placed(&self.product(e, true)), slack);
+                    add(placed(&product(&self.links, s, false)), slack);
+                    add(placed(&product(&self.links, e, true)), slack);
                 } else {
                     add((DVec3::ZERO, DVec3::ZERO), reach);
                 }
@@ -328,6 +371,25 @@ mod tests {
         // beyond the shutter it stays, even where keys go on
         assert!((at(2.5) - at(2.0)).length() == 0.0);
         assert!((at(2.0) - dvec3(-2.0, 1.0, 0.0)).length() < 1e-15);
+    }
+
+    #[test]
+    fn kept_placements_are_those_of_the_thing_and_the_moment_asked_for() {
+        // more things than are kept, asked for in turns
+        let things: Vec<_> = (0..40)
+            .map(|i| {
+                let shift = DAffine3::from_translation(DVec3::Y * f64::from(i));
+                Transform::chain(&[Link::Fixed(shift), slide()], SHUTTER)
+            })
+            .collect();
+        for time in [0.25, 0.5, 0.5, 0.25] {
+            for (i, thing) in things.iter().enumerate() {
+                for thing in [thing, &thing.clone()] {
+                    let at = thing.at(time).to_world.translation;
+                    assert_eq!(at, dvec3(time, i as f64, 0.0));
+                }
+            }
+        }
     }
 
     #[test]

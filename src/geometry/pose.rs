@@ -214,7 +214,7 @@ impl Pose {
     }
 
     /// Times of all keys, in no order.
-    pub(super) fn times(&self) -> impl Iterator<Item = f64> {
+    pub fn times(&self) -> impl Iterator<Item = f64> {
         let translation = self.translation.iter().flat_map(Track::times);
         let rotation = self.rotation.iter().flat_map(Rotation::times);
         let scale = self.scale.iter().flat_map(Track::times);

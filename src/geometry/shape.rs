@@ -153,7 +153,7 @@ impl Shape {
 
     /// Derivatives of the position by the texture coordinates at `p` on face `prim`, in object space; `None` where there
     /// are none.
-    pub(super) fn tangents(&self, prim: u32, p: DVec3) -> Option<[DVec3; 2]> {
+    pub(super) fn tangents(&self, prim: u32, p: DVec3, time: f64) -> Option<[DVec3; 2]> {
         let turned = DVec3::new(-p.y, p.x, 0.0) * TAU;
         match self {
             Self::Sphere => {
@@ -168,7 +168,7 @@ impl Shape {
                 Some([(axis + 1) % 3, (axis + 2) % 3].map(|i| DVec3::AXES[i] * 2.0))
             }
             Self::Mesh(mesh) => mesh.tangents(prim),
-            Self::Deforming(_) => None,
+            Self::Deforming(mesh) => mesh.tangents(prim, time),
         }
     }
 

@@ -2,12 +2,13 @@
 //!
 //! obvhs builds a binary tree (parallel locally-ordered clustering, Meister and Bittner, TVCG 2018, and reinsertion); its
 //! inner nodes are merged, at least expected cost, into nodes of eight (the dynamic program of Ylitie, Karras and
-//! Laine, HPG 2017). Nodes keep their boxes in f32, plane by plane, so that four are tested at a time.
+//! Laine, HPG 2017), whose boxes are rounded outward to bytes, as there: a ray waits for memory more than for
+//! arithmetic.
 //!
 //! Invariant: boxes only ever cull, and never what a ray touches. They live in a frame in which the tree fills -1..1; a
-//! ray is advanced in f64 to the bounds before it is rounded, so that every length in the frame is below 4. With
-//! u = 2^-24, a computed plane then errs by u (box) + u (origin) + 2u (direction) + 6u (the test) = 6e-7 at most, and
-//! boxes are padded by more.
+//! ray is advanced in f64 to the bounds before it is rounded, so that planes are at most 2 and a little away. With
+//! u = 2^-24, the distance of a plane then errs by u (start of the ray) + 2u (corner of the node from it) + 2u (plane from it),
+//! the quotient by 2u (inverse direction) + 2u more, together 6e-7 at most, and boxes are padded by more.
 
 use super::tree_build;
 use glam::{DVec3, Vec3, Vec3A, Vec4};
@@ -16,23 +17,31 @@ use std::ops::Range;
 
 /// Added to boxes in the frame of the tree, which has coordinates up to 1; the bounds take twice that.
 const PADDING: f64 = 1e-6;
-/// Components of directions (of which the longest is 1) below this are as good as zero.
-const LEAST: f32 = 1e-12;
+/// Components of directions (of which the longest is 1) below 1 / this are as good as zero.
+const MOST: f64 = 1e12;
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
 /// Most boxes in a tree, and in one of its leaves.
 pub(super) const LIMIT: usize = 1 << 29;
 pub(super) const LEAF_LIMIT: usize = 4;
-/// Pending children that need no allocation; the tree over a million triangles has at most 60.
-const STACK: usize = 96;
+/// Pending children of a tree over a few things, and those that need no allocation (a million triangles: at most 60).
+const STACKS: [usize; 2] = [16, 96];
 
-/// Eight boxes and what they hold. Unused ones are inside out, and never hit.
+/// Eight boxes and what they hold: on each axis, steps of a power of two from a corner (Ylitie, Karras and Laine).
+/// Unused ones are inside out, and never hit.
 #[derive(Clone, Debug)]
-#[repr(align(64))]
+#[repr(align(16))]
 pub(super) struct Node {
-    /// Low and high planes on each axis.
-    planes: [[[Vec4; 2]; 2]; 3],
-    pub children: [Child; WIDTH],
+    origin: Vec3,
+    /// The first child that is a node, and the first box in a leaf; the others follow.
+    first_node: u32,
+    first_prim: u32,
+    /// Steps, as exponents of f32.
+    exponents: [u8; 3],
+    /// Which node after the first; or [`Node::LEAF`], one less than the boxes << 5, and which box after the first.
+    children: [u8; WIDTH],
+    /// Low and high planes on each axis, in steps.
+    planes: [[[u8; WIDTH]; 2]; 3],
 }
 
 /// The index of a node, or a run of boxes in the order of the tree.
@@ -41,16 +50,16 @@ pub(super) struct Child(u32);
 
 impl Child {
     const LEAF: u32 = 1 << 31;
-    /// Used where there is no child.
-    pub const NONE: Self = Self(u32::MAX);
 
-    pub fn node(index: usize) -> Self {
-        Self(index as u32)
+    #[inline(always)]
+    fn node(index: u32) -> Self {
+        Self(index)
     }
 
     /// `count` boxes (1..=4) from `first` (< 2^29).
-    pub fn leaf(first: usize, count: usize) -> Self {
-        Self(Self::LEAF | ((count - 1) as u32) << 29 | first as u32)
+    #[inline(always)]
+    fn leaf(first: u32, count: u32) -> Self {
+        Self(Self::LEAF | (count - 1) << 29 | first)
     }
 
     #[inline(always)]
@@ -158,14 +167,12 @@ impl Tree {
         if !(rate > 0.0 && (o.dot(d) + t0).is_finite()) {
             return None;
         }
-        let direction = (d / rate).as_vec3();
-        let least = Vec3::splat(LEAST).copysign(direction);
-        let guarded = Vec3::select(direction.abs().cmplt(Vec3::splat(LEAST)), least, direction);
+        let inv_direction = (inv * rate).clamp(DVec3::splat(-MOST), DVec3::splat(MOST));
         let mut entry = Entry {
             t: t0,
             origin: (o + d * t0).as_vec3(),
-            inv_direction: guarded.recip(),
-            negative: guarded.to_array().map(|x| x < 0.0),
+            inv_direction: inv_direction.as_vec3(),
+            negative: inv_direction.to_array().map(|x| x < 0.0),
             rate,
             limit: f32::INFINITY,
         };
@@ -218,11 +225,15 @@ impl Tree {
     ) {
         // What is still to be visited, nearest last: distance in the upper half (positive floats sort like their bits),
         // child in the lower.
-        let (mut few, mut many) = ([0u64; STACK], Vec::new());
-        let pending = if self.pending <= STACK {
+        let (mut few, mut some, mut many);
+        let pending = if self.pending <= STACKS[0] {
+            few = [0u64; STACKS[0]];
             few.as_mut_slice()
+        } else if self.pending <= STACKS[1] {
+            some = [0u64; STACKS[1]];
+            some.as_mut_slice()
         } else {
-            many.resize(self.pending, 0);
+            many = vec![0u64; self.pending];
             many.as_mut_slice()
         };
         let mut limit = entry.limit;
@@ -238,7 +249,7 @@ impl Tree {
                 while hits != 0 {
                     let i = hits.trailing_zeros() as usize % WIDTH;
                     hits &= hits - 1;
-                    let child = node.children[i];
+                    let child = node.child(i);
                     self.fetch(child, &fetch);
                     let key = u64::from(near[i].to_bits()) << 32 | u64::from(child.0);
                     let mut at = len;
@@ -270,41 +281,94 @@ impl Tree {
         match child.prims() {
             Some(prims) => leaf(prims.start),
             None => {
+                // Two lines of 64 bytes.
                 let node = &self.nodes[child.0 as usize];
-                // One line of 64 bytes each.
-                for axis in 0..3 {
-                    prefetch_index(node.planes.as_slice(), axis);
-                }
-                prefetch_index(node.children.as_slice(), 0);
+                prefetch_index(&self.nodes, child.0 as usize);
+                prefetch_index(node.planes.as_slice(), 2);
             }
         }
     }
 }
 
 impl Node {
+    const LEAF: u8 = 1 << 7;
+    const UNUSED: u8 = Self::LEAF - 1;
+
     /// A node without children.
     pub const EMPTY: Self = Self {
-        planes: [[[Vec4::INFINITY; 2], [Vec4::NEG_INFINITY; 2]]; 3],
-        children: [Child::NONE; WIDTH],
+        origin: Vec3::ZERO,
+        first_node: 0,
+        first_prim: 0,
+        exponents: [1; 3],
+        children: [Self::UNUSED; WIDTH],
+        planes: [[[u8::MAX; WIDTH], [0; WIDTH]]; 3],
     };
 
-    /// Sets the box of the child in `slot`.
-    pub fn set_box(&mut self, slot: usize, low: Vec3A, high: Vec3A) {
+    /// A node over boxes (1..=8), each with the number of boxes in its leaf, or 0 if it is a node. The first of these nodes
+    /// is `first_node`, the first box in its leaves `first_prim`.
+    pub fn new(
+        members: impl Iterator<Item = (Vec3A, Vec3A, usize)> + Clone,
+        first_node: usize,
+        first_prim: usize,
+    ) -> Self {
+        let (low, high) = members.clone().fold(
+            (Vec3A::INFINITY, Vec3A::NEG_INFINITY),
+            |(low, high), (l, h, _)| (low.min(l), high.max(h)),
+        );
+        let mut node = Self {
+            origin: low.into(),
+            first_node: first_node as u32,
+            first_prim: first_prim as u32,
+            ..Self::EMPTY
+        };
         for axis in 0..3 {
-            self.planes[axis][0][slot / 4][slot % 4] = low[axis];
-            self.planes[axis][1][slot / 4][slot % 4] = high[axis];
+            let extent = f64::from(high[axis]) - f64::from(low[axis]);
+            let mut exponent = 1;
+            while extent > 255.0 * f64::from(step(exponent)) {
+                exponent += 1;
+            }
+            node.exponents[axis] = exponent;
+            let steps = |x: f32| (f64::from(x) - f64::from(low[axis])) / f64::from(step(exponent));
+            for (slot, (l, h, _)) in members.clone().enumerate() {
+                node.planes[axis][0][slot] = steps(l[axis]).floor() as u8;
+                node.planes[axis][1][slot] = steps(h[axis]).ceil() as u8;
+            }
+        }
+        let (mut nodes, mut prims) = (0, 0);
+        for (slot, (.., count)) in members.enumerate() {
+            if count == 0 {
+                node.children[slot] = nodes;
+                nodes += 1;
+            } else {
+                node.children[slot] = Self::LEAF | (count as u8 - 1) << 5 | prims;
+                prims += count as u8;
+            }
+        }
+        node
+    }
+
+    #[inline(always)]
+    fn child(&self, slot: usize) -> Child {
+        let child = u32::from(self.children[slot]);
+        if child < u32::from(Self::LEAF) {
+            Child::node(self.first_node + child)
+        } else {
+            Child::leaf(self.first_prim + (child & 31), (child >> 5 & 3) + 1)
         }
     }
 
     /// The boxes entered before `limit`, as bits, and where.
     #[inline(always)]
     fn hits(&self, entry: &Entry, limit: f32) -> (u32, [f32; WIDTH]) {
-        let (o, inv) = (entry.origin, entry.inv_direction);
+        let (o, inv) = (self.origin - entry.origin, entry.inv_direction);
         let (mut hits, mut near) = (0, [0.0; WIDTH]);
         for half in 0..2 {
             let plane = |axis: usize, high: bool| {
-                let plane = self.planes[axis][usize::from(high)][half];
-                (plane - Vec4::splat(o[axis])) * Vec4::splat(inv[axis])
+                let steps = &self.planes[axis][usize::from(high)][4 * half..][..4];
+                let steps = Vec4::from_array(std::array::from_fn(|i| f32::from(steps[i])));
+                let from_start =
+                    steps * Vec4::splat(step(self.exponents[axis])) + Vec4::splat(o[axis]);
+                from_start * Vec4::splat(inv[axis])
             };
             let [x, y, z] = entry.negative;
             let enter = plane(0, x)
@@ -320,14 +384,21 @@ impl Node {
     }
 }
 
+/// The power of two that has this exponent (1..=254) in f32.
+#[inline(always)]
+fn step(exponent: u8) -> f32 {
+    f32::from_bits(u32::from(exponent) << 23)
+}
+
 /// Most children pending at a time; children follow their parents.
 fn pending(nodes: &[Node]) -> usize {
     let mut most = vec![0u32; nodes.len()];
     for (i, node) in nodes.iter().enumerate().rev() {
         let (mut count, mut below) = (0u32, 0);
-        for child in node.children.iter().filter(|c| c.0 != Child::NONE.0) {
+        for slot in (0..WIDTH).filter(|&slot| node.children[slot] != Node::UNUSED) {
             count += 1;
-            if child.0 < Child::LEAF {
+            let child = node.child(slot);
+            if child.prims().is_none() {
                 below = below.max(most[child.0 as usize]);
             }
         }

@@ -3,7 +3,7 @@
 //! The binary tree is the largest thing that building a scene holds, so no boxes are kept beside it, and what serves
 //! one step only is dropped before the next.
 
-use super::tree::{Child, Node, WIDTH};
+use super::tree::{Node, WIDTH};
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -31,35 +31,31 @@ pub(super) fn build(
 ) -> (Vec<Node>, Vec<u32>) {
     let binary = binary_tree(count, leaf_size, bounds);
     let costs = costs(&binary.nodes);
-    let mut nodes: Vec<Node> = Vec::new();
+    let mut nodes = vec![Node::EMPTY];
     let mut order = Vec::with_capacity(count);
-    // Depth first, so that a subtree lies together in memory.
-    let mut todo = vec![(0, None)];
-    while let Some((root, parent)) = todo.pop() {
-        let index = nodes.len();
-        if let Some((parent, slot)) = parent {
-            let parent: &mut Node = &mut nodes[parent];
-            parent.children[slot] = Child::node(index);
-        }
+    // Depth first, so that a subtree lies together in memory; the children of a node side by side.
+    let mut todo = vec![(0, 0)];
+    while let Some((root, index)) = todo.pop() {
         let mut members = Vec::with_capacity(WIDTH);
         cut(&binary.nodes, &costs, root, WIDTH, true, &mut members);
-        let mut node = Node::EMPTY;
-        for (slot, &member) in members.iter().enumerate() {
-            let member = &binary.nodes[member];
-            node.set_box(slot, member.min.into(), member.max.into());
-            if member.is_leaf() {
-                let (first, len) = (member.first_index as usize, member.prim_count as usize);
-                node.children[slot] = Child::leaf(order.len(), len);
-                order.extend_from_slice(&binary.primitive_indices[first..first + len]);
+        let first_node = nodes.len();
+        let boxes = members.iter().map(|&member| &binary.nodes[member]);
+        nodes[index] = Node::new(
+            boxes.map(|of| (of.min.into(), of.max.into(), of.prim_count as usize)),
+            first_node,
+            order.len(),
+        );
+        for &member in &members {
+            let of = &binary.nodes[member];
+            if of.is_leaf() {
+                let first = of.first_index as usize;
+                let prims = &binary.primitive_indices[first..first + of.prim_count as usize];
+                order.extend_from_slice(prims);
             }
         }
-        nodes.push(node);
-        let inner = members.iter().enumerate().rev();
-        todo.extend(
-            inner
-                .filter(|&(_, &member)| !binary.nodes[member].is_leaf())
-                .map(|(slot, &member)| (member, Some((index, slot)))),
-        );
+        members.retain(|&member| !binary.nodes[member].is_leaf());
+        nodes.resize(first_node + members.len(), Node::EMPTY);
+        todo.extend(members.into_iter().zip(first_node..nodes.len()).rev());
     }
     nodes.shrink_to_fit();
     (nodes, order)
@@ -67,7 +63,6 @@ pub(super) fn build(
 
 fn binary_tree(count: usize, leaf_size: usize, bounds: impl Fn(usize) -> (Vec3A, Vec3A)) -> Bvh2 {
     let mut tree = Bvh2::zeroed(count);
-    tree.primitive_indices = (0..count as u32).collect();
     let mut total = Aabb::empty();
     let mut builder = PlocBuilder::new();
     builder.current_nodes = (0..count)
@@ -85,6 +80,7 @@ fn binary_tree(count: usize, leaf_size: usize, bounds: impl Fn(usize) -> (Vec3A,
         SHORT_PASSES,
     );
     drop(builder);
+    tree.primitive_indices = (0..count as u32).collect();
     let [before, after] = REINSERTED;
     ReinsertionOptimizer::default().run(&mut tree, before, None);
     if leaf_size > 1 {

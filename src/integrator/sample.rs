@@ -350,9 +350,10 @@ pub fn sample_and_merge(
         let width = sensor.camera.resolution().width;
         let pixel_of = |path: u32| (path % width, path / width);
         let hero = shared.hero((x, y));
+        let is_same_hero = |path| shared.hero(pixel_of(path)) == hero;
         let mut photons = Photons {
             map,
-            accepts: &|path| shared.hero(pixel_of(path)) == hero,
+            accepts: (shared.heroes > 1).then_some(&is_same_hero),
             retrace: &|path, subpath, counters| {
                 let sampler = frame.sampler(pass, pixel_of(path));
                 start_light(&context, subpath, max_depth, &sampler, counters);

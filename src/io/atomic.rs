@@ -26,7 +26,9 @@ impl FileError {
     }
 }
 
-fn folder(path: &Path) -> &Path {
+/// The folder of a file: the working directory for a bare name.
+#[must_use]
+pub fn folder(path: &Path) -> &Path {
     path.parent()
         .filter(|p| !p.as_os_str().is_empty())
         .unwrap_or(Path::new("."))

@@ -13,7 +13,8 @@ pub fn shortest_scene(kind: ModelKind, file: &str) -> String {
 #[must_use]
 pub fn scene_text(model: &Model, kind: ModelKind, file: &str) -> String {
     let mut text = format!(
-        "# The model {file}. Keys: scenes/README.md.\n{}\n{}",
+        "# The model {}. Keys: scenes/README.md.\n{}\n{}",
+        quoted(file),
         header(kind),
         model_table(kind, file)
     );
@@ -66,13 +67,14 @@ fn quoted(text: &str) -> String {
 }
 
 fn sensor_table(camera: &ModelCamera, index: usize, several: bool) -> String {
-    let m = camera.to_world.matrix3;
+    let to_world = camera.transform.at(0.0).to_world;
+    let m = to_world.matrix3;
     let list = |v: glam::DVec3| {
         // what rounding left of 0 is 0
         let [x, y, z] = (v * 1e9).round().to_array().map(|x| x / 1e9 + 0.0);
         format!("[{x}, {y}, {z}]")
     };
-    let eye = camera.to_world.translation;
+    let eye = to_world.translation;
     let view = format!(
         "eye = {}, target = {}, up = {}",
         list(eye),
@@ -104,16 +106,15 @@ fn sensor_table(camera: &ModelCamera, index: usize, several: bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::model::load;
+    use crate::io::model::{Staging, load};
     use crate::io::scene_file::parse_str;
-    use glam::DAffine3;
 
     #[test]
     fn what_is_written_is_read() {
         let folder = tempfile::tempdir().expect("folder");
         let path = folder.path().join("a \"b\".obj");
         std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("file");
-        let model = load(&path, ModelKind::Obj, DAffine3::IDENTITY).expect("valid");
+        let model = load(&path, ModelKind::Obj, &Staging::default()).expect("valid");
         for text in [
             scene_text(&model, ModelKind::Obj, "a \"b\".obj"),
             shortest_scene(ModelKind::Obj, "a \"b\".obj"),

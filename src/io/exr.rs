@@ -73,6 +73,30 @@ pub struct ExrImage {
     pub metadata: ImageMetadata,
 }
 
+/// The channels of a color image.
+const XYZ: [&str; 3] = ["X", "Y", "Z"];
+
+impl ExrImage {
+    /// The values of a channel.
+    #[must_use]
+    pub fn channel(&self, name: &str) -> Option<&[f32]> {
+        let channel = self.channels.iter().find(|c| c.name == name)?;
+        Some(&channel.values)
+    }
+
+    /// The interleaved values of X, Y and Z, if all are there.
+    #[must_use]
+    pub fn xyz(&self) -> Option<Vec<f64>> {
+        let mut xyz = vec![0.0; 3 * self.crop.pixels() as usize];
+        for (c, name) in XYZ.into_iter().enumerate() {
+            for (pixel, value) in self.channel(name)?.iter().enumerate() {
+                xyz[3 * pixel + c] = f64::from(*value);
+            }
+        }
+        Some(xyz)
+    }
+}
+
 /// Why an image could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum ExrError {
@@ -150,8 +174,8 @@ pub fn spectral_channel_nm(name: &str) -> Option<f64> {
 /// The three channels of interleaved XYZ values.
 #[must_use]
 pub fn xyz_channels(xyz: &[f64]) -> Vec<Channel> {
-    let names = ["X", "Y", "Z"].iter().enumerate();
-    names
+    XYZ.iter()
+        .enumerate()
         .map(|(c, n)| Channel {
             name: (*n).to_owned(),
             values: xyz.iter().skip(c).step_by(3).map(|v| *v as f32).collect(),
@@ -248,26 +272,15 @@ pub fn read(path: &Path) -> Result<ExrImage, ExrError> {
 /// As [`read`], or a channel of X, Y, Z is missing.
 pub fn read_xyz(path: &Path) -> Result<(ExrImage, Vec<f64>), ExrError> {
     let image = read(path)?;
-    let mut xyz = vec![0.0; 3 * image.crop.pixels() as usize];
-    for (c, name) in ["X", "Y", "Z"].into_iter().enumerate() {
-        let channel = image
-            .channels
-            .iter()
-            .find(|ch| ch.name == name)
-            .ok_or_else(|| ExrError::NoChannel {
-                path: path.to_owned(),
-                channel: name.to_owned(),
-                there: image
-                    .channels
-                    .iter()
-                    .map(|c| c.name.as_str())
-                    .collect::<Vec<_>>()
-                    .join(", "),
-            })?;
-        for (pixel, value) in channel.values.iter().enumerate() {
-            xyz[3 * pixel + c] = f64::from(*value);
-        }
-    }
+    let Some(xyz) = image.xyz() else {
+        let there: Vec<&str> = image.channels.iter().map(|c| c.name.as_str()).collect();
+        let missing = XYZ.iter().find(|name| !there.contains(name));
+        return Err(ExrError::NoChannel {
+            path: path.to_owned(),
+            channel: missing.map_or_else(String::new, |name| (*name).to_owned()),
+            there: there.join(", "),
+        });
+    };
     Ok((image, xyz))
 }
 

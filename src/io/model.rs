@@ -3,6 +3,7 @@
 //! A model brings surfaces and materials, and what lights and cameras its file has; [`Model::add_to`] puts it into a scene.
 //! Where a scene has no camera or light at all, [`standard_camera`] and [`studio`] stand in.
 
+use super::atomic::folder;
 use super::gltf::read as read_gltf;
 use super::{mtl, ply};
 use crate::camera::Camera;
@@ -25,6 +26,8 @@ use glam::{DAffine3, DMat3, DVec3};
 use std::path::Path;
 use std::sync::Arc;
 
+/// Most pixels of an image: the sums of 2^28 pixels take 26 GB.
+pub const MAX_PIXELS: u64 = 1 << 28;
 /// Largest model file.
 pub const MAX_MODEL_BYTES: u64 = 4 << 30;
 
@@ -52,8 +55,8 @@ pub enum Projection {
 pub struct ModelCamera {
     /// Name in the file.
     pub name: String,
-    /// Its place: looks along -z, +y up.
-    pub to_world: DAffine3,
+    /// Its place over the shutter: looks along -z, +y up.
+    pub transform: Transform,
     /// How it projects.
     pub projection: Projection,
 }
@@ -74,10 +77,25 @@ pub struct Model {
     /// Whether it means to be lit by what it brings: it has lights, or its format knows no others than surfaces that
     /// emit. (Files of glTF without lights expect surroundings, glowing parts or not.)
     pub lit: bool,
+    /// Whether animations play, whether or not they show in the time asked for.
+    pub animated: bool,
     /// What was not understood or taken otherwise than the file may mean, one line each.
     pub notes: Vec<String>,
     /// Hash of the files it was read from.
     pub hash: u64,
+}
+
+/// Where and when a model is shown.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Staging {
+    /// To the world, metres.
+    pub to_world: DAffine3,
+    /// The moment of its animations at the time 0 of the scene, in seconds.
+    pub at_s: f64,
+    /// The animation that plays, by name or number; `None`: all, but those that move what an earlier one moves.
+    pub animation: Option<String>,
+    /// The time for which any shutter is open.
+    pub shutter: Shutter,
 }
 
 /// The kinds of model files.
@@ -115,14 +133,15 @@ impl ModelKind {
     }
 }
 
-/// Reads a model; files it names are looked for in its folder. `to_world` places it (metres).
+/// Reads a model; files it names are looked for in its folder.
 ///
 /// # Errors
 /// What is wrong, in words, without the file's name.
-pub fn load(path: &Path, kind: ModelKind, to_world: DAffine3) -> Result<Model, String> {
-    let folder = path.parent().unwrap_or(Path::new("."));
+pub fn load(path: &Path, kind: ModelKind, staging: &Staging) -> Result<Model, String> {
+    let to_world = staging.to_world;
+    let folder = folder(path);
     match kind {
-        ModelKind::Gltf => read_gltf(&read_file(path)?, folder, to_world),
+        ModelKind::Gltf => read_gltf(&read_file(path)?, folder, staging),
         ModelKind::Obj => mtl::load(path, to_world),
         ModelKind::Ply => ply::load(path).map(|mesh| mtl::plain(mesh, path, to_world)),
     }
@@ -163,19 +182,25 @@ impl Model {
 impl ModelCamera {
     /// The sensor, as high as `resolution` and as wide as its own proportions ask for.
     #[must_use]
-    pub fn sensor(&self, resolution: Resolution, filter: Filter) -> SensorDescription {
+    pub fn sensor(
+        &self,
+        resolution: Resolution,
+        filter: Filter,
+        shutter: Shutter,
+    ) -> SensorDescription {
         let aspect = match self.projection {
             Projection::Perspective { aspect, .. } => aspect,
             Projection::Orthographic { aspect, .. } => Some(aspect),
         };
         let width = aspect.map_or(resolution.width, |a| {
-            ((f64::from(resolution.height) * a).round() as u32).clamp(1, 1 << 16)
+            let most = (MAX_PIXELS / u64::from(resolution.height)).min(1 << 16) as u32;
+            ((f64::from(resolution.height) * a).round() as u32).clamp(1, most)
         });
         let resolution = Resolution {
             width,
             ..resolution
         };
-        let transform = Transform::fixed(self.to_world);
+        let transform = self.transform.clone();
         let camera = match self.projection {
             Projection::Perspective { fov_rad, .. } => {
                 Camera::Perspective(Perspective::new(transform, resolution, fov_rad, None))
@@ -188,7 +213,7 @@ impl ModelCamera {
             name: self.name.clone(),
             camera,
             filter,
-            shutter: Shutter::default(),
+            shutter,
         }
     }
 }
@@ -204,11 +229,12 @@ pub fn name_sensors(sensors: &mut [SensorDescription]) {
     };
     for i in 0..sensors.len() {
         let name: String = sensors[i].name.chars().take(48).map(fit).collect();
-        let mut name = name.trim_start_matches('.').to_owned();
-        if name.is_empty() || sensors[..i].iter().any(|s| s.name == name) {
-            name = format!("{name}-{i}").trim_start_matches('-').to_owned();
-        }
-        sensors[i].name = name;
+        let name = name.trim_start_matches('.');
+        let numbered = |k: usize| format!("{name}-{k}").trim_start_matches('-').to_owned();
+        let free = |n: &String| !n.is_empty() && sensors[..i].iter().all(|s| s.name != *n);
+        let own = std::iter::once(name.to_owned());
+        let new = own.chain((i..).map(numbered)).find(free);
+        sensors[i].name = new.expect("invariant: one of all numbers is free");
     }
 }
 
@@ -243,10 +269,10 @@ pub fn standard_camera(objects: &[ObjectDescription]) -> ModelCamera {
         .fold(f64::MIN_POSITIVE, f64::max);
     ModelCamera {
         name: "camera".to_owned(),
-        to_world: DAffine3 {
+        transform: Transform::fixed(DAffine3 {
             matrix3: DMat3::from_cols(right, up, back),
             translation: center + back * distance,
-        },
+        }),
         projection: Projection::Perspective {
             fov_rad: FOV_RAD,
             aspect: None,
@@ -286,6 +312,7 @@ pub fn studio(white: Emission, to_world: DMat3) -> Light {
     Light::Environment(EnvironmentLight {
         radiance: white,
         image: image.map(Arc::new),
+        motion: None,
     })
 }
 
@@ -313,8 +340,9 @@ mod tests {
         };
         let camera = standard_camera(&[object]);
         let center = camera
-            .to_world
-            .inverse()
+            .transform
+            .at(0.0)
+            .to_object
             .transform_point3(DVec3::new(5.0, 0.0, 0.0));
         assert!(center.truncate().length() < 1e-9 && center.z < -3.0);
     }

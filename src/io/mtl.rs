@@ -135,9 +135,7 @@ fn parse(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, Strin
     let hash = Cell::new(0);
     let (models, materials) = tobj::load_obj_buf(&mut &*bytes, &options, |name: &Path| {
         let text = name.to_string_lossy().replace('\\', "/");
-        let read = files::find(folder, &text, MAX_MTL_BYTES)
-            .map_err(|problem| problem.to_string())
-            .and_then(|path| std::fs::read(path).map_err(|e| e.to_string()));
+        let read = files::read(folder, &text, MAX_MTL_BYTES).map_err(|e| e.to_string());
         let read = read.and_then(|bytes| {
             let own = super::scene_file::document::hash_bytes(&bytes);
             hash.set(combine(hash.get(), own));
@@ -294,9 +292,8 @@ impl Reader<'_> {
         };
         let name = name.replace('\\', "/");
         if !self.images.contains_key(&(name.clone(), srgb)) {
-            let read = files::find(self.folder, &name, MAX_IMAGE_BYTES)
+            let read = files::read(self.folder, &name, MAX_IMAGE_BYTES)
                 .map_err(|problem| problem.to_string())
-                .and_then(|path| std::fs::read(path).map_err(|e| e.to_string()))
                 .and_then(|bytes| {
                     let hash = super::scene_file::document::hash_bytes(&bytes);
                     self.model.hash = combine(self.model.hash, hash);

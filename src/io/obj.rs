@@ -117,6 +117,11 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Arrays, ObjError> {
         uvs: Some(Vec::new()),
         ..Arrays::default()
     };
+    // at once, so that no outgrown piece is left in the middle of what is freed below
+    let total = |of: fn(&tobj::Mesh) -> usize| models.iter().map(|m| of(&m.mesh)).sum::<usize>();
+    all.positions
+        .reserve_exact(total(|m| m.positions.len() / 3));
+    all.triangles.reserve_exact(total(|m| m.indices.len() / 3));
     for model in models {
         all.append(&model.mesh);
     }

@@ -89,10 +89,11 @@ impl Body<'_> {
             if word.is_empty() {
                 return Err("the file ends before its last element".to_owned());
             }
-            let text = String::from_utf8_lossy(&word[..word.len().min(40)]);
-            return text
-                .parse()
-                .map_err(|_| format!("\"{text}\" is not a number"));
+            let number = std::str::from_utf8(word).ok().and_then(|w| w.parse().ok());
+            return number.ok_or_else(|| {
+                let shown = String::from_utf8_lossy(&word[..word.len().min(40)]);
+                format!("\"{shown}\" is not a number")
+            });
         }
         let size = kind.size();
         let (bytes, rest) = self
@@ -300,6 +301,7 @@ fn vertices(
     if !has(0..3) {
         return Err("element \"vertex\" has no x, y, z".to_owned());
     }
+    let (has_normals, has_uvs) = (has(3..6), has(6..8));
     positions.reserve(element.count);
     for _ in 0..element.count {
         let mut values = [0.0f32; 8];
@@ -311,10 +313,10 @@ fn vertices(
         }
         let [x, y, z, nx, ny, nz, u, v] = values;
         positions.push([x, y, z]);
-        if has(3..6) {
+        if has_normals {
             normals.push([nx, ny, nz]);
         }
-        if has(6..8) {
+        if has_uvs {
             uvs.push([u, v]);
         }
     }

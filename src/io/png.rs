@@ -1,7 +1,7 @@
 //! The preview: 8-bit sRGB with a fixed exposure. For looking at, never for measuring.
 
 use super::atomic::{FileError, write_atomic};
-use std::io;
+use std::io::{self, Write as _};
 use std::path::Path;
 
 /// The sRGB encoding of a linear value, as a byte (IEC 61966-2-1). Out of range is cut, not-a-number is black.
@@ -29,13 +29,33 @@ pub fn write_preview(
     exposure_ev: f64,
     to_linear_srgb: impl Fn([f64; 3]) -> [f64; 3],
 ) -> Result<(), FileError> {
+    write_atomic(path, |file| {
+        file.write_all(&preview_bytes(
+            (width, height),
+            xyz,
+            exposure_ev,
+            to_linear_srgb,
+        )?)
+    })
+}
+
+/// The same as bytes.
+///
+/// # Errors
+/// `xyz` has not three values per pixel.
+pub fn preview_bytes(
+    (width, height): (u32, u32),
+    xyz: &[f64],
+    exposure_ev: f64,
+    to_linear_srgb: impl Fn([f64; 3]) -> [f64; 3],
+) -> io::Result<Vec<u8>> {
     let gain = exposure_ev.exp2();
     let (pixels, _) = xyz.as_chunks::<3>();
     let bytes: Vec<u8> = pixels
         .iter()
         .flat_map(|p| to_linear_srgb(p.map(|v| v * gain)).map(srgb_byte))
         .collect();
-    write_atomic(path, |file| encode(file, width, height, &bytes))
+    png_bytes(width, height, &bytes)
 }
 
 /// A PNG image of 8-bit RGB pixels, rows from the top.
@@ -44,18 +64,14 @@ pub fn write_preview(
 /// `rgb` has not three bytes per pixel.
 pub fn png_bytes(width: u32, height: u32, rgb: &[u8]) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    encode(&mut bytes, width, height, rgb)?;
-    Ok(bytes)
-}
-
-fn encode(out: impl io::Write, width: u32, height: u32, rgb: &[u8]) -> io::Result<()> {
-    let mut encoder = png::Encoder::new(out, width, height);
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     let mut writer = encoder.write_header().map_err(io::Error::from)?;
     writer.write_image_data(rgb).map_err(io::Error::from)?;
-    writer.finish().map_err(io::Error::from)
+    writer.finish().map_err(io::Error::from)?;
+    Ok(bytes)
 }
 
 #[cfg(test)]

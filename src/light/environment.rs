@@ -5,9 +5,9 @@
 
 use super::environment_image::EnvironmentImage;
 use super::{DirectSample, EmissionSample, LightContext, factor, far_disk_origin};
-use crate::geometry::{DirectionalDensity, EndPoint};
+use crate::geometry::{DirectionalDensity, EndPoint, Transform};
 use crate::math::sampling;
-use crate::spectrum::Emission;
+use crate::spectrum::{Emission, SampledSpectrum, SampledWavelengths};
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -19,6 +19,8 @@ pub struct EnvironmentLight {
     pub radiance: Emission,
     /// Factor on the radiance by direction; `None`: 1.
     pub image: Option<Arc<EnvironmentImage>>,
+    /// What turns the image over the shutter, beyond its own place; `None`: nothing. Only the rotation matters.
+    pub motion: Option<Box<Transform>>,
 }
 
 impl EnvironmentLight {
@@ -28,24 +30,57 @@ impl EnvironmentLight {
         Self {
             radiance,
             image: None,
+            motion: None,
         }
     }
 
+    /// A direction in the world as one around the image at rest.
+    fn at_rest(&self, direction: DVec3, time: f64) -> DVec3 {
+        match &self.motion {
+            None => direction,
+            Some(motion) => motion.at(time).to_object.transform_vector3(direction),
+        }
+    }
+
+    /// A direction around the image at rest as one in the world.
+    fn in_world(&self, direction: DVec3, time: f64) -> DVec3 {
+        match &self.motion {
+            None => direction,
+            Some(motion) => motion.at(time).to_world.transform_vector3(direction),
+        }
+    }
+
+    /// Factor on the radiance for light that travels along `direction`; `None`: 1.
+    pub(super) fn factor(
+        &self,
+        direction: DVec3,
+        time: f64,
+        wavelengths: &SampledWavelengths,
+    ) -> Option<SampledSpectrum> {
+        let image = self.image.as_ref()?;
+        Some(image.factor(self.at_rest(direction, time), wavelengths))
+    }
+
     /// Density per solid angle of the direction in which the light travels, for emission and connection alike.
-    pub(super) fn direction_pdf(&self, direction: DVec3) -> f64 {
+    pub(super) fn direction_pdf(&self, direction: DVec3, time: f64) -> f64 {
         self.image
             .as_ref()
-            .map_or(sampling::UNIFORM_SPHERE_PDF, |image| image.pdf(direction))
+            .map_or(sampling::UNIFORM_SPHERE_PDF, |image| {
+                image.pdf(self.at_rest(direction, time))
+            })
     }
 
     /// A direction in which light travels, and its density.
-    fn sample_direction(&self, u_texel: f64, u: DVec2) -> (DVec3, f64) {
+    fn sample_direction(&self, u_texel: f64, u: DVec2, time: f64) -> (DVec3, f64) {
         match &self.image {
             None => (
                 sampling::uniform_sphere(u.into()),
                 sampling::UNIFORM_SPHERE_PDF,
             ),
-            Some(image) => image.sample(u_texel, u),
+            Some(image) => {
+                let (direction, pdf) = image.sample(u_texel, u);
+                (self.in_world(direction, time), pdf)
+            }
         }
     }
 
@@ -67,7 +102,7 @@ impl EnvironmentLight {
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        let (direction, pdf) = self.sample_direction(u_texel, u_dir);
+        let (direction, pdf) = self.sample_direction(u_texel, u_dir, context.time);
         (context.radius > 0.0 && pdf > 0.0).then(|| EmissionSample {
             x0: end(direction),
             origin: far_disk_origin(context, direction, u_pos),
@@ -78,7 +113,7 @@ impl EnvironmentLight {
         })
     }
 
-    pub(super) fn sample_direct(&self, u_texel: f64, u: DVec2) -> Option<DirectSample> {
+    pub(super) fn sample_direct(&self, u_texel: f64, u: DVec2, time: f64) -> Option<DirectSample> {
         let (toward, pdf) = match &self.image {
             None => (
                 sampling::uniform_sphere(u.into()),
@@ -86,7 +121,7 @@ impl EnvironmentLight {
             ),
             Some(image) => {
                 let (direction, pdf) = image.sample(u_texel, u);
-                (-direction, pdf)
+                (-self.in_world(direction, time), pdf)
             }
         };
         (pdf > 0.0).then(|| DirectSample {

@@ -135,11 +135,12 @@ impl Light {
     }
 
     /// Where a light that is not a surface is over the shutter; `None` for area lights (their instance has it) and for an
-    /// environment, which is the same from everywhere.
+    /// environment that does not turn.
     #[must_use]
     pub fn transform(&self) -> Option<&Transform> {
         match self {
-            Self::Area(_) | Self::Environment(_) => None,
+            Self::Area(_) => None,
+            Self::Environment(light) => light.motion.as_deref(),
             Self::Point(light) => Some(&light.transform),
             Self::Spot(light) => Some(&light.transform),
             Self::Directional(light) => Some(&light.transform),
@@ -151,7 +152,12 @@ impl Light {
     #[must_use]
     pub fn under(mut self, parents: &[Link], shutter: Shutter) -> Self {
         let transform = match &mut self {
-            Self::Area(_) | Self::Environment(_) => return self,
+            Self::Area(_) => return self,
+            // without an image it is the same however it turns
+            Self::Environment(light) if light.image.is_none() => return self,
+            Self::Environment(light) => light
+                .motion
+                .get_or_insert_with(|| Box::new(Transform::fixed(DAffine3::IDENTITY))),
             Self::Point(light) => &mut light.transform,
             Self::Spot(light) => &mut light.transform,
             Self::Directional(light) => &mut light.transform,
@@ -231,7 +237,7 @@ impl Light {
                 let uv = context.accel.texture_coordinates(face, x0.p, context.time);
                 Some(pattern.sample(uv, wavelengths))
             }
-            Self::Environment(light) => Some(light.image.as_ref()?.factor(x0.n, wavelengths)),
+            Self::Environment(light) => light.factor(x0.n, context.time, wavelengths),
             _ => None,
         }
     }
@@ -297,7 +303,7 @@ impl Light {
             ),
             Self::Beam(light) => (1.0, light.density()),
             Self::Environment(light) => (
-                light.direction_pdf(direction),
+                light.direction_pdf(direction, context.time),
                 environment::EnvironmentLight::disk_density(context),
             ),
         }
@@ -335,7 +341,7 @@ impl Light {
             Self::Spot(light) => light.sample_direct(context.time, x1),
             Self::Directional(light) => Some(light.sample_direct(context.time)),
             Self::Beam(light) => light.sample_direct(context.time, x1),
-            Self::Environment(light) => light.sample_direct(u_face, u),
+            Self::Environment(light) => light.sample_direct(u_face, u, context.time),
         }
     }
 
@@ -344,7 +350,7 @@ impl Light {
     pub fn direct_density(&self, context: &LightContext, x1: DVec3, x0: &EndPoint) -> f64 {
         match self {
             Self::Area(light) => light.direct_density(context, x1, x0),
-            Self::Environment(light) => light.direction_pdf(x0.n),
+            Self::Environment(light) => light.direction_pdf(x0.n, context.time),
             // the end point is the only one there is
             _ => self
                 .connect(context, x1, 0.0, DVec2::ZERO)
@@ -384,20 +390,21 @@ impl Light {
         }
     }
 
-    /// Radiance that arrives from infinity along a ray that travels in unit `direction` (away from the eye). 0 unless an
-    /// environment.
+    /// Radiance that arrives from infinity at `time` along a ray that travels in unit `direction` (away from the eye). 0
+    /// unless an environment.
     #[must_use]
     pub fn escaped_radiance(
         &self,
         direction: DVec3,
+        time: f64,
         wavelengths: &SampledWavelengths,
     ) -> SampledSpectrum {
         match self {
             Self::Environment(light) => {
                 let radiance = light.radiance.sample(wavelengths);
-                match &light.image {
+                match light.factor(-direction, time, wavelengths) {
                     None => radiance,
-                    Some(image) => radiance * image.factor(-direction, wavelengths),
+                    Some(factor) => radiance * factor,
                 }
             }
             _ => SampledSpectrum::ZERO,

@@ -40,7 +40,7 @@ fn spectrum_multiplies_every_value() {
             assert!((near.unwrap().value[1] / unit.value[1] - 3.0).abs() < 1e-6);
         }
         assert!((scaled(2.0).power(&context) / light.power(&context) - 2.0).abs() < 1e-12);
-        let escaped = scaled(2.0).escaped_radiance(DVec3::Z, &wavelengths)[0];
+        let escaped = scaled(2.0).escaped_radiance(DVec3::Z, 0.0, &wavelengths)[0];
         let expected = if matches!(light, Light::Environment(_)) {
             2.0
         } else {

@@ -103,6 +103,21 @@ pub fn reach(points: &[Point], target: f64) -> Reach {
     }
 }
 
+/// The error after some work, between the points of a curve; beyond its ends that of the end. `None` without points.
+#[must_use]
+pub fn error_at(points: &[Point], work: f64) -> Option<f64> {
+    let after = points.iter().position(|p| p.work >= work);
+    match after {
+        None => points.last().map(|p| p.error),
+        Some(0) => Some(points[0].error),
+        Some(i) => {
+            let (a, b) = (points[i - 1], points[i]);
+            let share = (work / a.work).ln() / (b.work / a.work).ln();
+            Some(a.error * (b.error / a.error).powf(share))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -142,6 +157,16 @@ mod tests {
         assert_eq!(trend(&curve(|_| 0.1)), Trend::Unsteady);
         assert_eq!(trend(&points[..2]), Trend::Unknown);
         assert_eq!(reach(&[], 0.1), Reach::Unknown);
+    }
+
+    #[test]
+    fn errors_between_points_lie_on_the_line() {
+        let points = curve(|w| 0.3 * w.powf(-0.5));
+        let error = error_at(&points, 11.0).unwrap();
+        assert!((error - 0.3 / 11_f64.sqrt()).abs() < 1e-12);
+        assert_eq!(error_at(&points, 0.1), Some(0.3));
+        assert_eq!(error_at(&points, 1e3), Some(0.3 / 8.0));
+        assert_eq!(error_at(&[], 1.0), None);
     }
 
     #[test]

@@ -8,7 +8,7 @@ const REL_MSE_OFFSET: f64 = 0.01;
 /// Added before the logarithm.
 const LOG_OFFSET: f64 = 0.01;
 /// Share of the pixels, the worst, left out of the trimmed relMSE.
-const TRIMMED_SHARE: f64 = 0.001;
+pub const TRIMMED_SHARE: f64 = 0.001;
 /// A firefly exceeds the reference at its pixel by more than this many times the largest reference value around it (or the mean
 /// of the reference, where that is larger).
 const FIREFLY_FACTOR: f64 = 5.0;

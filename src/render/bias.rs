@@ -18,12 +18,9 @@ pub struct BiasEstimate {
 /// Twice the difference of the halves of channel Y, per pixel. `None` while a half has no passes.
 #[must_use]
 pub fn bias_image(image: &Film, even: u64, odd: u64) -> Option<Vec<f64>> {
-    if even == 0 || odd == 0 {
-        return None;
-    }
-    let [a, b] = image.half_images(even, odd);
-    let y = |values: Vec<f64>| values.into_iter().skip(1).step_by(3).collect::<Vec<_>>();
-    Some(y(a).iter().zip(y(b)).map(|(a, b)| 2.0 * (a - b)).collect())
+    let mut bias = image.half_difference(1, even, odd)?;
+    bias.iter_mut().for_each(|d| *d *= 2.0);
+    Some(bias)
 }
 
 /// The estimate for a whole image.

@@ -1,8 +1,11 @@
 //! What the next digit costs: the estimated error of a render at doubling numbers of passes, and the time to a smaller one.
 
+use super::ErrorEstimate;
 use crate::math::convergence::{Point, Trend, trend};
 use std::time::Duration;
 
+/// Pixels that must carry the error for a forecast: the square of the error, and so the time, is then known to 12 %.
+const LEAST_EFFECTIVE_PIXELS: f64 = 50.0;
 /// Passes before the estimate of the error is worth keeping.
 const LEAST_PASSES: u64 = 4;
 
@@ -23,8 +26,13 @@ pub enum Forecast {
     Unknown,
     /// The error does not fall steadily.
     Unsteady,
-    /// The time of all passes needed.
-    Takes(Duration),
+    /// What it takes in all.
+    Takes {
+        /// Passes.
+        passes: f64,
+        /// Their time.
+        time: Duration,
+    },
 }
 
 impl ErrorHistory {
@@ -41,17 +49,26 @@ impl ErrorHistory {
         }
     }
 
-    /// The time to `target`, for a render that has the error `error` after `passes` passes of the mean length `per_pass`.
+    /// What an error of `target` takes, for a render that has the error `error` after `passes` passes of the mean length `per_pass`.
     #[must_use]
-    pub fn forecast(&self, passes: u64, error: f64, per_pass: Duration, target: f64) -> Forecast {
+    pub fn forecast(
+        &self,
+        passes: u64,
+        error: &ErrorEstimate,
+        per_pass: Duration,
+        target: f64,
+    ) -> Forecast {
         match trend(&self.points) {
             Trend::Unknown => Forecast::Unknown,
             Trend::Unsteady => Forecast::Unsteady,
+            Trend::Steady { .. } if error.effective_pixels < LEAST_EFFECTIVE_PIXELS => {
+                Forecast::Unsteady
+            }
             Trend::Steady { rate } => {
                 let rate = rate.clamp(RATES[0], RATES[1]);
-                let passes = passes as f64 * (error / target).powf(1.0 / rate);
+                let passes = passes as f64 * (error.relative / target).powf(1.0 / rate);
                 Duration::try_from_secs_f64(passes * per_pass.as_secs_f64())
-                    .map_or(Forecast::Unknown, Forecast::Takes)
+                    .map_or(Forecast::Unknown, |time| Forecast::Takes { passes, time })
             }
         }
     }
@@ -69,15 +86,27 @@ mod tests {
         history
     }
 
+    fn estimate(relative: f64, effective_pixels: f64) -> ErrorEstimate {
+        ErrorEstimate {
+            relative,
+            of_all_pixels: relative,
+            effective_pixels,
+        }
+    }
+
     #[test]
     fn half_the_error_takes_four_times_as_long() {
         let history = history(|p| 0.08 / (p as f64).sqrt());
         assert_eq!(history.points.len(), 5, "4, 8, 16, 32, 64");
-        let Forecast::Takes(time) = history.forecast(100, 0.008, Duration::from_millis(480), 0.004)
-        else {
+        let per_pass = Duration::from_millis(480);
+        let forecast = history.forecast(100, &estimate(0.008, 1000.0), per_pass, 0.004);
+        let Forecast::Takes { passes, time } = forecast else {
             panic!("steady");
         };
-        assert!((time.as_secs_f64() - 192.0).abs() < 1e-6, "{time:?}");
+        assert!((passes - 400.0).abs() < 1e-6 && (time.as_secs_f64() - 192.0).abs() < 1e-6);
+        // the same from a handful of pixels
+        let few = history.forecast(100, &estimate(0.008, 9.0), per_pass, 0.004);
+        assert_eq!(few, Forecast::Unsteady);
     }
 
     #[test]
@@ -89,9 +118,10 @@ mod tests {
                 0.08 / (p as f64).sqrt()
             }
         });
-        let forecast = history.forecast(100, 0.5, Duration::from_secs(1), 0.25);
+        let (error, second) = (estimate(0.5, 1000.0), Duration::from_secs(1));
+        let forecast = history.forecast(100, &error, second, 0.25);
         assert_eq!(forecast, Forecast::Unsteady);
-        let few = ErrorHistory::default().forecast(2, 0.5, Duration::from_secs(1), 0.25);
+        let few = ErrorHistory::default().forecast(2, &error, second, 0.25);
         assert_eq!(few, Forecast::Unknown);
     }
 }

@@ -24,6 +24,12 @@ const PIXELS: f64 = 2.0;
 const SHARE: f64 = 0.003;
 /// No radius is smaller than this share of the scene's radius, which positions of photons resolve.
 const LEAST_SHARE: f64 = 1e-5;
+/// Pixels whose light sub-paths one thread traces in one go.
+const RUN: usize = 32;
+/// Parts of a pass's light sub-paths, of which one is in memory twice for a moment.
+const BATCHES: usize = 64;
+/// Passes whose light sub-paths tell how many vertices are stored.
+const PILOT_PASSES: u32 = 4;
 
 /// A choice of r₁.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +58,7 @@ impl PhotonMemory {
         1.1 * self.vertices_per_path * (self.paths as f64) < f64::from(u32::MAX)
     }
 
-    /// Bytes in all: what is held while camera sub-paths gather.
+    /// Bytes in all, at most at once.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         (self.vertices_per_path * self.paths as f64 * self.bytes_per_vertex as f64) as u64
@@ -184,43 +190,53 @@ pub fn trace_photons(
     pass: &PassSettings,
     crop: &Crop,
 ) -> (Option<PhotonMap>, Counters) {
-    let rows: Vec<(PhotonBuffer, Counters)> = (crop.y0..crop.y1)
-        .into_par_iter()
-        .map_init(PhotonTracer::default, |tracer, y| {
-            let mut buffer = PhotonBuffer::default();
-            tracer.counters = Counters::default();
-            for x in crop.x0..crop.x1 {
-                tracer.trace(frame, pass, (x, y), &mut buffer);
-            }
-            buffer.shrink_to_fit();
-            (buffer, tracer.counters)
-        })
-        .collect();
-    let mut counters = Counters::default();
-    let mut buffers = Vec::with_capacity(rows.len());
-    for (buffer, row) in rows {
-        counters.add(&row);
-        buffers.push(buffer);
+    let (width, pixels) = (crop.width() as usize, crop.pixels() as usize);
+    let batch = pixels.div_ceil(BATCHES).next_multiple_of(RUN);
+    let (mut all, mut counters) = (PhotonBuffer::default(), Counters::default());
+    for start in (0..pixels).step_by(batch) {
+        let runs: Vec<(PhotonBuffer, Counters)> = (start..pixels.min(start + batch))
+            .into_par_iter()
+            .step_by(RUN)
+            .map_init(PhotonTracer::default, |tracer, first| {
+                let mut buffer = PhotonBuffer::default();
+                tracer.counters = Counters::default();
+                for i in first..pixels.min(first + RUN) {
+                    let pixel = (crop.x0 + (i % width) as u32, crop.y0 + (i / width) as u32);
+                    tracer.trace(frame, pass, pixel, &mut buffer);
+                }
+                (buffer, tracer.counters)
+            })
+            .collect();
+        for (buffer, run) in &runs {
+            all.append(buffer);
+            counters.add(run);
+        }
+        if start == 0 {
+            // batches differ; room that is not used takes no memory
+            all.reserve_times(BATCHES + BATCHES / 8);
+        }
     }
     let radius = pass.merge_radius.unwrap_or(0.0);
-    let map = PhotonMap::build(buffers, frame.lanes(), frame.scene.center, radius);
+    let map = PhotonMap::build(all, frame.lanes(), frame.scene.center, radius);
     (map, counters)
 }
 
 /// What the passes of a render over part of the film will hold.
 #[must_use]
 pub fn memory(frame: &Frame, crop: &Crop) -> PhotonMemory {
-    let pass = PassSettings {
-        index: PASS,
-        shared: Some(shared_sample(frame, PASS)),
-        ..PassSettings::default()
-    };
     let (mut tracer, mut buffer) = (PhotonTracer::default(), PhotonBuffer::default());
-    for pixel in lattice(crop) {
-        tracer.trace(frame, &pass, pixel, &mut buffer);
+    for index in PASS - (PILOT_PASSES - 1)..=PASS {
+        let pass = PassSettings {
+            index,
+            shared: Some(shared_sample(frame, index)),
+            ..PassSettings::default()
+        };
+        for pixel in lattice(crop) {
+            tracer.trace(frame, &pass, pixel, &mut buffer);
+        }
     }
     PhotonMemory {
-        vertices_per_path: buffer.len() as f64 / f64::from(SAMPLES),
+        vertices_per_path: buffer.len() as f64 / f64::from(SAMPLES * PILOT_PASSES),
         paths: crop.pixels(),
         bytes_per_vertex: bytes_per_vertex(frame.lanes()) as u64,
     }

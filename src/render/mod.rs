@@ -2,6 +2,7 @@
 
 pub mod bias;
 pub mod epsilon;
+pub mod error;
 pub mod forecast;
 pub mod guides;
 pub mod merging;
@@ -11,6 +12,7 @@ pub mod stop;
 pub mod table;
 
 pub use epsilon::EpsilonChoice;
+pub use error::ErrorEstimate;
 pub use merging::{PhotonMemory, RadiusChoice, SharedWavelengths};
 pub use outputs::{OutputRequest, Outputs};
 pub use table::ClassTable;
@@ -19,6 +21,7 @@ use crate::film::{AddSumsError, Crop};
 use crate::integrator::{Frame, Workspace, sample_and_merge};
 use crate::scene::regularization::Decision;
 use crate::scene::{Scene, Settings};
+use crate::transport::photons::bytes_per_vertex;
 use crate::transport::regularize::scheduled_epsilon;
 use crate::transport::{Cone, Counters, PassSettings, PhotonMap, Target};
 use rayon::prelude::*;
@@ -123,6 +126,13 @@ impl<'a> Render<'a> {
         self.radius
             .is_some()
             .then(|| merging::memory(&self.frame, &self.crop))
+    }
+
+    /// Bytes of a stored photon, its place in the index included, where photons are merged.
+    #[must_use]
+    pub fn bytes_per_photon(&self) -> Option<u64> {
+        self.radius.as_ref()?;
+        Some(bytes_per_vertex(self.frame.lanes()) as u64)
     }
 
     /// Bytes of the largest photon map so far; 0 without merging.
@@ -294,16 +304,11 @@ impl<'a> Render<'a> {
         bias::bias_estimate(&self.outputs.image, even, odd)
     }
 
-    /// Estimated relative error of the image: root mean square of the standard error of Y over the mean of Y, from the two
-    /// independent halves of the passes. `None` before both halves have a pass or while the image is black.
+    /// Estimated error of the image. `None` before both halves of the passes have one or while the image is black.
     #[must_use]
-    pub fn relative_error(&self) -> Option<f64> {
+    pub fn error(&self) -> Option<ErrorEstimate> {
         let [even, odd] = self.pass_counts();
-        let errors = self.outputs.image.standard_error(1, even, odd)?;
-        let image = self.outputs.image.image(even + odd);
-        let mean = image.iter().skip(1).step_by(3).sum::<f64>() / errors.len() as f64;
-        let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64;
-        (mean > 0.0).then(|| square.sqrt() / mean)
+        error::error_estimate(&self.outputs.image, even, odd)
     }
 }
 

@@ -17,8 +17,8 @@ pub enum Moving {
 
 /// Steps over the shutter along which ways are measured.
 const STEPS: u32 = 64;
-/// Most points of a thing that are followed.
-const POINTS: usize = 128;
+/// Most triangles of a thing whose corners are followed.
+const TRIANGLES: usize = 64;
 
 impl Scene {
     /// Everything that moves while any shutter is open.
@@ -115,12 +115,12 @@ fn corners(low: DVec3, high: DVec3) -> impl Iterator<Item = DVec3> {
 fn points_of(instance: &Instance) -> Vec<Box<dyn Fn(f64) -> DVec3 + '_>> {
     let to_world = |t: f64| instance.transform.at(t).to_world;
     if let Shape::Deforming(mesh) = &instance.shape {
-        let step = mesh.triangle_count().div_ceil(POINTS);
+        let step = mesh.triangle_count().div_ceil(TRIANGLES);
         return (0..mesh.triangle_count())
             .step_by(step)
-            .map(|prim| {
-                let at =
-                    move |t: f64| to_world(t).transform_point3(mesh.corners(prim as u32, t)[0]);
+            .flat_map(|prim| (0..3).map(move |corner| (prim as u32, corner)))
+            .map(|(prim, corner)| {
+                let at = move |t: f64| to_world(t).transform_point3(mesh.corners(prim, t)[corner]);
                 Box::new(at) as Box<dyn Fn(f64) -> DVec3>
             })
             .collect();

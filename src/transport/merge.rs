@@ -124,6 +124,15 @@ pub fn merge_factors(
         + toward_light * light.rest
         + sensor.first
         + toward_sensor * sensor.rest;
+    let numerator = match techniques.heuristic {
+        Heuristic::Balance => 1.0,
+        Heuristic::Power2 => techniques.merging,
+    };
+    let count = wavelengths.count();
+    if !light.dispersive && !sensor.dispersive {
+        // any lane's hero could have made all
+        return [numerator / (count as f64 * all); MAX_LANES];
+    }
     let mut shared = 0.0;
     if !sensor.dispersive {
         shared += toward_light * light.rest_shared;
@@ -137,14 +146,6 @@ pub fn merge_factors(
             shared += sensor.first;
         }
     }
-    if !light.dispersive && !sensor.dispersive {
-        shared += own_term;
-    }
-    let numerator = match techniques.heuristic {
-        Heuristic::Balance => 1.0,
-        Heuristic::Power2 => techniques.merging,
-    };
-    let count = wavelengths.count();
     let own = (all - shared).max(0.0);
     let mut factors = [0.0; MAX_LANES];
     for (j, factor) in factors.iter_mut().enumerate().take(count) {

@@ -1,7 +1,8 @@
 //! The vertices of all light sub-paths of a pass, as merging needs them, in a hash grid.
 //!
-//! A vertex takes 40 bytes and 4 per lane: position, direction, weight, the three sums of [`SideTerms`] and what names it. Whatever
-//! else a slow sum may need is found by tracing the sub-path again.
+//! A vertex takes 10 words of 4 bytes and one per lane: its position, apart so that a search reads little else, and a record of
+//! direction, the three sums of [`SideTerms`], what names it, and weight. Whatever else a slow sum may need is found by tracing the
+//! sub-path again.
 //!
 //! Invariant: a function of the sub-paths and the order in which they were added, not of the threads that traced them.
 
@@ -12,7 +13,6 @@ use super::density::NO_COLUMN;
 use super::merge::{MergeSide, SideTerms, side_terms};
 use super::subpath::Subpath;
 use super::techniques::Techniques;
-use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use glam::DVec3;
 
 /// Bits of the number of a sub-path: a film has at most 2^28 pixels.
@@ -25,31 +25,48 @@ const DISPERSIVE: u64 = 1 << 61;
 const FIRST_SHARED: u64 = 1 << 62;
 const COLUMNS: u64 = 1 << 63;
 
-/// A stored vertex of a light sub-path.
+/// Words of a record before its weight.
+const HEAD: usize = 7;
+
+/// The record of a stored vertex of a light sub-path.
 #[derive(Clone, Copy, Debug)]
-pub struct Photon {
-    /// From the center of the map, in metres.
-    position: [f32; 3],
-    /// Unit direction towards the previous vertex on the unfolded octahedron.
-    direction: [f32; 2],
-    first: f32,
-    rest: f32,
-    rest_shared: f32,
-    /// From the low end: sub-path, depth, labels, flags.
-    info: u64,
+pub struct Photon<'a> {
+    /// Unit direction towards the previous vertex on the unfolded octahedron; the three sums; sub-path, depth, labels and flags from
+    /// the low end.
+    head: &'a [u32; HEAD],
+    weight: &'a [u32],
 }
 
 /// Bytes of a stored vertex with `lanes` wavelengths, its place in the index included.
 #[must_use]
 pub fn bytes_per_vertex(lanes: usize) -> usize {
-    size_of::<Photon>() + lanes * size_of::<f32>() + size_of::<u32>()
+    size_of::<[f32; 3]>() + (HEAD + lanes) * size_of::<u32>() + size_of::<u32>()
 }
 
-impl Photon {
+impl<'a> Photon<'a> {
+    /// From a whole record.
+    fn new(record: &'a [u32]) -> Option<Self> {
+        let (head, weight) = record.split_first_chunk()?;
+        Some(Self { head, weight })
+    }
+
+    fn number(&self, i: usize) -> f64 {
+        f32::from_bits(self.head[i]).into()
+    }
+
+    fn info(&self) -> u64 {
+        u64::from(self.head[5]) | u64::from(self.head[6]) << 32
+    }
+
+    /// Its weight, per lane.
+    pub fn weight(&self) -> impl Iterator<Item = f32> + 'a {
+        self.weight.iter().map(|&bits| f32::from_bits(bits))
+    }
+
     /// Unit direction towards the previous vertex.
     #[must_use]
     pub fn toward_previous(&self) -> DVec3 {
-        let [x, y] = self.direction.map(f64::from);
+        let (x, y) = (self.number(0), self.number(1));
         let z = 1.0 - x.abs() - y.abs();
         let fold = (-z).max(0.0);
         DVec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize()
@@ -59,36 +76,36 @@ impl Photon {
     #[must_use]
     pub fn terms(&self) -> SideTerms {
         SideTerms {
-            first: self.first.into(),
-            rest: self.rest.into(),
-            rest_shared: self.rest_shared.into(),
-            first_shared: self.info & FIRST_SHARED != 0,
-            dispersive: self.info & DISPERSIVE != 0,
+            first: self.number(2),
+            rest: self.number(3),
+            rest_shared: self.number(4),
+            first_shared: self.info() & FIRST_SHARED != 0,
+            dispersive: self.info() & DISPERSIVE != 0,
         }
     }
 
     /// The number of its sub-path.
     #[must_use]
     pub fn path(&self) -> u32 {
-        (self.info & ((1 << PATH_BITS) - 1)) as u32
+        (self.info() & ((1 << PATH_BITS) - 1)) as u32
     }
 
     /// Scattering vertices before it.
     #[must_use]
     pub fn depth(&self) -> usize {
-        (self.info >> PATH_BITS) as usize & ((1 << DEPTH_BITS) - 1)
+        (self.info() >> PATH_BITS) as usize & ((1 << DEPTH_BITS) - 1)
     }
 
     /// Whether densities of its sub-path differ between lanes, which its sums leave out.
     #[must_use]
     pub fn has_columns(&self) -> bool {
-        self.info & COLUMNS != 0
+        self.info() & COLUMNS != 0
     }
 
     /// The labels of the vertices before it.
     #[must_use]
     pub fn class(&self) -> PathClass {
-        let labels = self.info >> (PATH_BITS + DEPTH_BITS);
+        let labels = self.info() >> (PATH_BITS + DEPTH_BITS);
         let mut class = PathClass::new();
         for i in 0..self.depth() {
             class.push(i < LABEL_BITS as usize && labels & (1 << i) != 0);
@@ -114,28 +131,63 @@ fn octahedral(w: DVec3) -> [f32; 2] {
 /// Stored vertices in the order of their sub-paths.
 #[derive(Debug, Default)]
 pub struct PhotonBuffer {
-    photons: Vec<Photon>,
-    /// Weights, all lanes of a photon together.
-    lanes: Vec<f32>,
+    /// From the center of the map, in metres.
+    positions: Vec<[f32; 3]>,
+    /// As [`Photon`] reads them.
+    records: Vec<u32>,
 }
 
 impl PhotonBuffer {
     /// Number of vertices.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.photons.len()
+        self.positions.len()
     }
 
     /// Whether it holds nothing.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.photons.is_empty()
+        self.positions.is_empty()
     }
 
-    /// Gives back memory beyond what it holds.
-    pub fn shrink_to_fit(&mut self) {
-        self.photons.shrink_to_fit();
-        self.lanes.shrink_to_fit();
+    /// Makes room for `factor` times what it holds.
+    pub fn reserve_times(&mut self, factor: usize) {
+        let more = factor.saturating_sub(1);
+        self.positions.reserve(self.positions.len() * more);
+        self.records.reserve(self.records.len() * more);
+    }
+
+    /// Adds the vertices of another.
+    pub fn append(&mut self, other: &Self) {
+        self.positions.extend_from_slice(&other.positions);
+        self.records.extend_from_slice(&other.records);
+    }
+
+    /// Adds a vertex by its offset from the center.
+    fn push(
+        &mut self,
+        offset: DVec3,
+        toward_previous: DVec3,
+        terms: &SideTerms,
+        info: u64,
+        weight: &[f32],
+    ) {
+        let single = |v: f64| (v as f32).min(f32::MAX);
+        let [x, y] = octahedral(toward_previous);
+        let numbers = [
+            x,
+            y,
+            single(terms.first),
+            single(terms.rest),
+            single(terms.rest_shared),
+        ];
+        let flag = |on: bool, bit: u64| if on { bit } else { 0 };
+        let info =
+            info | flag(terms.dispersive, DISPERSIVE) | flag(terms.first_shared, FIRST_SHARED);
+        self.positions.push(offset.as_vec3().to_array());
+        self.records.extend(numbers.map(f32::to_bits));
+        self.records.extend([info as u32, (info >> 32) as u32]);
+        self.records.extend(weight.iter().map(|w| w.to_bits()));
     }
 
     /// Adds the vertices of a light sub-path at which paths can be merged.
@@ -181,23 +233,17 @@ impl PhotonBuffer {
                 });
                 let densities = &light.densities[..i + 2];
                 let terms = side_terms(densities, factor, MergeSide::Light { direct }, techniques);
-                let offset = vertex.point.p - scene.center;
-                let flag = |on: bool, bit: u64| if on { bit } else { 0 };
-                let single = |v: f64| (v as f32).min(f32::MAX);
-                self.photons.push(Photon {
-                    position: [offset.x as f32, offset.y as f32, offset.z as f32],
-                    direction: octahedral(vertex.toward_previous),
-                    first: single(terms.first),
-                    rest: single(terms.rest),
-                    rest_shared: single(terms.rest_shared),
-                    info: u64::from(path)
+                let columns = if columns { COLUMNS } else { 0 };
+                self.push(
+                    vertex.point.p - scene.center,
+                    vertex.toward_previous,
+                    &terms,
+                    u64::from(path)
                         | (i as u64) << PATH_BITS
                         | labels << (PATH_BITS + DEPTH_BITS)
-                        | flag(terms.dispersive, DISPERSIVE)
-                        | flag(terms.first_shared, FIRST_SHARED)
-                        | flag(columns, COLUMNS),
-                });
-                self.lanes.extend_from_slice(&weight.0[..count]);
+                        | columns,
+                    &weight.0[..count],
+                );
             }
             if i < LABEL_BITS as usize && light.densities[i + 1].label.is_specular() {
                 labels |= 1 << i;
@@ -206,11 +252,17 @@ impl PhotonBuffer {
     }
 }
 
-/// All stored vertices of a pass.
+/// Cells of a block along each axis, as a power of 2.
+const BLOCK_BITS: u32 = 2;
+/// Cells of a block.
+const BLOCK: usize = 1 << (3 * BLOCK_BITS);
+
+/// All stored vertices of a pass, by the cells of a grid. The grid is cut into blocks of 4 x 4 x 4 cells; a hash finds the place of a
+/// block, so that neighbors in space are mostly neighbors in memory.
 #[derive(Debug)]
 pub struct PhotonMap {
-    photons: Vec<Photon>,
-    lanes: Vec<f32>,
+    photons: PhotonBuffer,
+    /// Words of a record.
     stride: usize,
     /// First photon of each bucket, and the end of the last.
     starts: Vec<u32>,
@@ -219,63 +271,65 @@ pub struct PhotonMap {
 }
 
 impl PhotonMap {
-    /// Sorts buffers into a grid of cells 2 `radius` wide; `lanes` wavelengths per photon. `None` beyond 2^32 - 1 photons.
+    /// Sorts stored vertices into a grid of cells 2 `radius` wide; `lanes` wavelengths per photon. Takes no memory beyond what is
+    /// held after it. `None` beyond 2^32 - 1 photons.
     #[must_use]
     pub fn build(
-        buffers: Vec<PhotonBuffer>,
+        mut buffer: PhotonBuffer,
         lanes: usize,
         center: DVec3,
         radius: f64,
     ) -> Option<Self> {
-        let count: usize = buffers.iter().map(PhotonBuffer::len).sum();
-        u32::try_from(count).ok()?;
+        u32::try_from(buffer.len()).ok()?;
+        buffer.positions.shrink_to_fit();
+        buffer.records.shrink_to_fit();
+        let blocks = buffer.len().div_ceil(BLOCK).max(1);
         let mut map = Self {
-            photons: Vec::with_capacity(count),
-            lanes: Vec::with_capacity(count * lanes),
-            stride: lanes,
-            starts: vec![0; count.max(1) + 1],
+            starts: vec![0; blocks * BLOCK + 1],
+            photons: buffer,
+            stride: HEAD + lanes,
             center,
             radius,
         };
-        for buffer in buffers {
-            map.photons.extend_from_slice(&buffer.photons);
-            map.lanes.extend_from_slice(&buffer.lanes);
-        }
         map.sort();
         Some(map)
     }
 
     /// Brings the photons into the order of their buckets, in place.
     fn sort(&mut self) {
-        let mut places: Vec<u32> = self
-            .photons
-            .iter()
-            .map(|p| self.bucket(self.cell(DVec3::from_array(p.position.map(f64::from)))))
-            .collect();
-        for &bucket in &places {
-            self.starts[bucket as usize + 1] += 1;
+        for i in 0..self.len() {
+            let bucket = self.bucket_of(i);
+            self.starts[bucket] += 1;
         }
-        for i in 1..self.starts.len() {
-            self.starts[i] += self.starts[i - 1];
+        let mut end = 0;
+        for start in &mut self.starts {
+            end += *start;
+            *start = end;
         }
-        let mut next = self.starts.clone();
-        for place in &mut places {
-            let bucket = *place as usize;
-            *place = next[bucket];
-            next[bucket] += 1;
-        }
-        drop(next);
-        for i in 0..places.len() {
-            while places[i] as usize != i {
-                let to = places[i] as usize;
-                self.photons.swap(i, to);
-                for lane in 0..self.stride {
-                    self.lanes
-                        .swap(i * self.stride + lane, to * self.stride + lane);
+        // buckets are filled from their ends; all places before i are final
+        for i in 0..self.len() {
+            loop {
+                let bucket = self.bucket_of(i);
+                if i >= self.starts[bucket] as usize {
+                    break;
                 }
-                places.swap(i, to);
+                self.starts[bucket] -= 1;
+                self.swap(i, self.starts[bucket] as usize);
             }
         }
+    }
+
+    fn swap(&mut self, i: usize, j: usize) {
+        let PhotonBuffer { positions, records } = &mut self.photons;
+        positions.swap(i, j);
+        for word in 0..self.stride {
+            records.swap(i * self.stride + word, j * self.stride + word);
+        }
+    }
+
+    /// The offset of photon `i` from the center.
+    fn offset(&self, i: usize) -> DVec3 {
+        DVec3::from_array(self.photons.positions[i].map(f64::from))
     }
 
     /// The cell of an offset from the center.
@@ -286,16 +340,22 @@ impl PhotonMap {
             .map(|v| v as i64)
     }
 
-    fn bucket(&self, [x, y, z]: [i64; 3]) -> u32 {
-        let mixed = (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
-            ^ (y as u64)
-                .wrapping_mul(0xc2b2_ae3d_27d4_eb4f)
-                .rotate_left(21)
-            ^ (z as u64)
-                .wrapping_mul(0x1656_67b1_9e37_79f9)
-                .rotate_left(42);
-        let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 32;
-        ((mixed * (self.starts.len() as u64 - 1)) >> 32) as u32
+    fn bucket_of(&self, i: usize) -> usize {
+        self.bucket(self.cell(self.offset(i)))
+    }
+
+    /// The place of a cell: that of its block, and one in it. Blocks that share a place are unlikely to have it for like cells.
+    fn bucket(&self, cell: [i64; 3]) -> usize {
+        let [x, y, z] = cell.map(|v| (v >> BLOCK_BITS) as u64);
+        let mixed = x.wrapping_mul(0x9e37_79b9_7f4a_7c15)
+            ^ y.wrapping_mul(0xc2b2_ae3d_27d4_eb4f).rotate_left(21)
+            ^ z.wrapping_mul(0x1656_67b1_9e37_79f9).rotate_left(42);
+        let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let blocks = (self.starts.len() / BLOCK) as u64;
+        let block = ((mixed >> 32) * blocks) >> 32;
+        let [x, y, z] = cell.map(|v| v as usize & ((1 << BLOCK_BITS) - 1));
+        let inner = (z << BLOCK_BITS | y) << BLOCK_BITS | x;
+        block as usize * BLOCK + (inner ^ (mixed as usize % BLOCK))
     }
 
     /// Number of photons.
@@ -313,33 +373,32 @@ impl PhotonMap {
     /// Bytes held.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        (self.photons.capacity() * size_of::<Photon>()
-            + self.lanes.capacity() * size_of::<f32>()
-            + self.starts.capacity() * size_of::<u32>()) as u64
+        (self.photons.positions.capacity() * size_of::<[f32; 3]>()
+            + (self.photons.records.capacity() + self.starts.capacity()) * size_of::<u32>())
+            as u64
     }
 
-    /// Calls `f` for every photon nearer to `p` than the radius, with its weight, in an order that is always the same.
-    pub fn for_each_near(&self, p: DVec3, mut f: impl FnMut(&Photon, &SampledSpectrum)) {
+    /// Calls `f` for every photon nearer to `p` than the radius, in an order that is always the same.
+    pub fn for_each_near(&self, p: DVec3, mut f: impl FnMut(&Photon)) {
         let offset = p - self.center;
         let [x, y, z] = self.cell(offset - self.radius);
-        let mut seen = [u32::MAX; 8];
-        for i in 0..8 {
+        // all at once, so that the memory is waited for once
+        let ranges: [(u32, u32); 8] = std::array::from_fn(|i| {
+            let i = i as i64;
             let bucket = self.bucket([x + (i & 1), y + (i >> 1 & 1), z + (i >> 2)]);
-            if seen[..i as usize].contains(&bucket) {
+            (self.starts[bucket], self.starts[bucket + 1])
+        });
+        for (i, &(start, end)) in ranges.iter().enumerate() {
+            // cells may share a bucket
+            if ranges[..i].contains(&(start, end)) {
                 continue;
             }
-            seen[i as usize] = bucket;
-            let range =
-                self.starts[bucket as usize] as usize..self.starts[bucket as usize + 1] as usize;
-            for index in range {
-                let photon = &self.photons[index];
-                let distance = DVec3::from_array(photon.position.map(f64::from)) - offset;
+            for index in start as usize..end as usize {
+                let distance = self.offset(index) - offset;
                 if distance.length_squared() < self.radius * self.radius {
-                    let mut weight = [0.0; MAX_LANES];
-                    weight[..self.stride].copy_from_slice(
-                        &self.lanes[index * self.stride..(index + 1) * self.stride],
-                    );
-                    f(photon, &SampledSpectrum(weight));
+                    let first = index * self.stride;
+                    let record = &self.photons.records[first..first + self.stride];
+                    Photon::new(record).iter().for_each(&mut f);
                 }
             }
         }
@@ -354,23 +413,26 @@ mod tests {
 
     fn random(count: usize) -> PhotonBuffer {
         let number = |i: usize, k: u64| unit_f64(random_bits(i as u64, k));
-        let photons = (0..count).map(|i| Photon {
-            position: [0, 1, 2].map(|k| (4.0 * number(i, k) - 2.0) as f32),
-            direction: [0.0, 0.0],
-            first: 0.0,
-            rest: 0.0,
-            rest_shared: 0.0,
-            info: i as u64 | (i as u64 % 7) << PATH_BITS,
-        });
-        PhotonBuffer {
-            photons: photons.collect(),
-            lanes: (0..count).flat_map(|i| [i as f32, 0.5]).collect(),
+        let mut buffer = PhotonBuffer::default();
+        for i in 0..count {
+            let offset = DVec3::from_array([0, 1, 2].map(|k| 4.0 * number(i, k) - 2.0));
+            let info = i as u64 | (i as u64 % 7) << PATH_BITS;
+            buffer.push(
+                offset,
+                DVec3::Z,
+                &SideTerms::default(),
+                info,
+                &[i as f32, 0.5],
+            );
         }
+        buffer
     }
 
     #[test]
     fn a_stored_vertex_is_as_small_as_said() {
-        assert_eq!(size_of::<Photon>(), 40);
+        let map = PhotonMap::build(random(6400), 2, DVec3::ZERO, 0.1).expect("few");
+        // one place more ends the last bucket
+        assert_eq!(map.bytes(), 6400 * bytes_per_vertex(2) as u64 + 4);
         assert_eq!(bytes_per_vertex(4), 60);
     }
 
@@ -379,22 +441,20 @@ mod tests {
         let center = DVec3::new(10.0, -3.0, 5.0);
         for radius in [0.03, 0.2, 1.5] {
             let all = random(3000);
-            let map = PhotonMap::build(vec![random(3000)], 2, center, radius).expect("few");
+            let map = PhotonMap::build(random(3000), 2, center, radius).expect("few");
             assert_eq!(map.len(), 3000);
             let mut total = 0;
             for i in 0..300 {
-                let at = DVec3::from_array(all.photons[i].position.map(f64::from))
-                    + DVec3::splat(0.3 * radius);
-                let near = |p: &&Photon| {
-                    DVec3::from_array(p.position.map(f64::from)).distance(at) < radius
-                };
-                let expected: BTreeSet<u32> =
-                    all.photons.iter().filter(near).map(Photon::path).collect();
+                let position = |i: usize| DVec3::from_array(all.positions[i].map(f64::from));
+                let at = position(i) + DVec3::splat(0.3 * radius);
+                let near = |&i: &u32| position(i as usize).distance(at) < radius;
+                let expected: BTreeSet<u32> = (0..3000).filter(near).collect();
                 let mut found = BTreeSet::new();
-                map.for_each_near(center + at, |photon, weight| {
+                map.for_each_near(center + at, |photon| {
                     assert!(found.insert(photon.path()), "found twice");
                     assert_eq!(photon.depth(), photon.path() as usize % 7);
-                    assert_eq!(weight.0[..2], [photon.path() as f32, 0.5]);
+                    let weight: Vec<f32> = photon.weight().collect();
+                    assert_eq!(weight, [photon.path() as f32, 0.5]);
                 });
                 assert_eq!(found, expected);
                 total += found.len();
@@ -404,39 +464,39 @@ mod tests {
     }
 
     #[test]
-    fn directions_and_labels_survive_storage() {
-        for i in 0..1000 {
+    fn directions_sums_and_labels_survive_storage() {
+        let random = (0..1000).map(|i| {
             let number = |k| 2.0 * unit_f64(random_bits(i, k)) - 1.0;
-            let w = DVec3::new(number(0), number(1), number(2)).normalize();
-            let photon = Photon {
-                direction: octahedral(w),
-                info: 3 << PATH_BITS | 0b101 << (PATH_BITS + DEPTH_BITS),
-                ..random(1).photons[0]
-            };
             // two roundings to f32
-            assert!(photon.toward_previous().distance(w) < 3e-7);
-            assert_eq!(photon.class().to_string(), "LSDSE");
-        }
-        for w in [
-            DVec3::X,
-            DVec3::Y,
-            DVec3::Z,
-            -DVec3::X,
-            -DVec3::Y,
-            -DVec3::Z,
-        ] {
-            let photon = Photon {
-                direction: octahedral(w),
-                ..random(1).photons[0]
+            (
+                DVec3::new(number(0), number(1), number(2)).normalize(),
+                3e-7,
+            )
+        });
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|w| [(w, 1e-300), (-w, 1e-300)]);
+        for (w, tolerance) in random.chain(axes.into_iter().flatten()) {
+            let terms = SideTerms {
+                first: 0.5,
+                rest: 4.0,
+                rest_shared: 2.0,
+                first_shared: w.x > 0.0,
+                dispersive: w.y > 0.0,
             };
-            assert_eq!(photon.toward_previous(), w);
+            let info = 3 << PATH_BITS | 0b101 << (PATH_BITS + DEPTH_BITS);
+            let mut buffer = PhotonBuffer::default();
+            buffer.push(DVec3::ZERO, w, &terms, info, &[1.0]);
+            let photon = Photon::new(&buffer.records).expect("a record");
+            assert!(photon.toward_previous().distance(w) < tolerance);
+            assert_eq!(photon.class().to_string(), "LSDSE");
+            assert_eq!(photon.terms(), terms);
+            assert!(!photon.has_columns());
         }
     }
 
     #[test]
     fn an_empty_map_holds_nothing() {
-        let map = PhotonMap::build(Vec::new(), 4, DVec3::ZERO, 0.1).expect("none");
+        let map = PhotonMap::build(PhotonBuffer::default(), 4, DVec3::ZERO, 0.1).expect("none");
         assert!(map.is_empty());
-        map.for_each_near(DVec3::ONE, |_, _| panic!("found"));
+        map.for_each_near(DVec3::ONE, |_| panic!("found"));
     }
 }

@@ -3,8 +3,9 @@
 #[path = "../support/gltf.rs"]
 mod gltf;
 
+use abbe::geometry::Shutter;
+use abbe::io::model::Staging;
 use abbe::io::{gltf as reader, image_file};
-use glam::DAffine3;
 use gltf::Builder;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -47,7 +48,14 @@ fn changed(pointer: &str, value: Value) -> String {
 }
 
 fn message(bytes: &[u8]) -> String {
-    match reader::read(bytes, Path::new("/nonexistent"), DAffine3::IDENTITY) {
+    let staging = Staging {
+        shutter: Shutter {
+            open_s: 0.25,
+            close_s: 0.75,
+        },
+        ..Staging::default()
+    };
+    match reader::read(bytes, Path::new("/nonexistent"), &staging) {
         Ok(_) => "no error".to_owned(),
         Err(message) => message,
     }
@@ -58,7 +66,7 @@ fn the_valid_file_is_read() {
     let model = reader::read(
         &builder().glb(),
         Path::new("/nonexistent"),
-        DAffine3::IDENTITY,
+        &Staging::default(),
     )
     .expect("valid");
     assert_eq!(
@@ -263,6 +271,151 @@ fn images_that_claim_more_than_they_hold() {
     huge[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
     // the checksum of the header is wrong as well: either is said
     assert!(image_file::decode(&huge, true).is_err());
+}
+
+/// A triangle with a morph target that two joints bend, all animated.
+fn animated() -> Builder {
+    let mut b = Builder::default();
+    let rest = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let target = b.floats(&[[0.5f32; 3]; 3], "VEC3");
+    let joints = b.floats(&[[0.0f32, 1.0, 0.0, 0.0]; 3], "VEC4");
+    let weights = b.floats(&[[0.5f32, 0.5, 0.0, 0.0]; 3], "VEC4");
+    let more = json!({
+        "attributes": { "JOINTS_0": joints, "WEIGHTS_0": weights },
+        "targets": [{ "POSITION": target }],
+    });
+    let mesh = b.bare_mesh(&rest, &[0, 1, 2], &more);
+    b.node(json!({ "mesh": mesh, "skin": 0, "weights": [0.5] }));
+    b.node(json!({ "children": [2] }));
+    b.node(json!({}));
+    let identity: [f32; 16] = std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 });
+    b.skin(&[1, 2], &[identity; 2]);
+    b.animate((0, "weights"), "LINEAR", &[0.0, 1.0], &[[0.0f32], [1.0]]);
+    let (here, there) = ([0.0f32, 0.0, 0.0, 1.0], [0.0f32, 0.6, 0.0, 0.8]);
+    let rotations = [here, here, here, there, there, there];
+    b.animate((1, "rotation"), "CUBICSPLINE", &[0.0, 1.0], &rotations);
+    b.animate((2, "scale"), "STEP", &[0.0, 0.5], &[[1.0f32; 3], [2.0; 3]]);
+    b.root.insert("scenes".into(), json!([{ "nodes": [0, 1] }]));
+    b
+}
+
+#[test]
+fn hostile_animations_get_exact_messages() {
+    let b = animated();
+    assert_eq!(message(&b.glb()), "no error");
+    let cases = [
+        (
+            "/animations/0/channels/0/sampler",
+            json!(9),
+            "animation 0, channel 0: sampler 9 does not exist",
+        ),
+        (
+            "/animations/0/channels/0/target/node",
+            json!(9),
+            "animation 0, channel 0: node 9 does not exist",
+        ),
+        (
+            "/animations/0/samplers/0/interpolation",
+            json!("WILD"),
+            "animation 0, sampler 0: unknown interpolation",
+        ),
+        (
+            "/animations/0/samplers/0/interpolation",
+            json!("CUBICSPLINE"),
+            "animation 0, sampler 0: 2 outputs for 2 keys (needed: 6)",
+        ),
+        (
+            "/animations/0/samplers/0/output",
+            json!(0),
+            "animation 0, sampler 0: 3 outputs for 2 keys (needed: 2)",
+        ),
+        (
+            "/animations/0/samplers/0/input",
+            json!(77),
+            "accessor 77 does not exist",
+        ),
+        (
+            "/animations/0/samplers/1/input",
+            json!(1),
+            "accessor 1 has elements of 4 numbers (needed: 1)",
+        ),
+        (
+            "/accessors/6/count",
+            json!(0),
+            "animation 0, sampler 0: 0 keys (allowed: 1 to 1048576)",
+        ),
+        (
+            "/accessors/6",
+            json!({ "componentType": 5126, "count": 2, "type": "SCALAR" }),
+            "animation 0, sampler 0: the time of key 1 is not above that of the key before",
+        ),
+        (
+            "/accessors/6",
+            json!({ "componentType": 5126, "count": 4_000_000_000u64, "type": "SCALAR" }),
+            "animation 0, sampler 0: 4000000000 keys (allowed: 1 to 1048576)",
+        ),
+        (
+            "/nodes/1/matrix",
+            json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]),
+            "node 1 is animated, but placed by a matrix (allowed: translation, rotation, scale)",
+        ),
+        ("/nodes/0/skin", json!(3), "skin 3 does not exist"),
+        (
+            "/skins/0/joints",
+            json!([1, 2, 0, 0]),
+            "skin 0: 2 inverse bind matrices for 4 joints",
+        ),
+        (
+            "/skins/0/joints",
+            json!([1, 8]),
+            "skin 0: joint 8 is not in the scene",
+        ),
+        ("/skins/0/joints", json!([1]), "mesh 0: joint 1 of 1"),
+        (
+            "/meshes/0/primitives/0/targets",
+            json!([{ "POSITION": 0 }, { "POSITION": 0 }]),
+            "animation 0, sampler 0: 2 outputs for 2 keys (needed: 4)",
+        ),
+        (
+            "/meshes/0/primitives/0/targets",
+            json!([{ "POSITION": 7 }]),
+            "mesh 0, primitive 0: POSITION of a morph target has 2 entries for 3 positions",
+        ),
+        (
+            "/meshes/0/primitives/0/attributes/WEIGHTS_0",
+            json!(6),
+            "mesh 0, primitive 0: WEIGHTS has 2 entries for 3 positions",
+        ),
+    ];
+    let mut wrong = Vec::new();
+    for (pointer, value, expected) in cases {
+        let mut json = b.json();
+        let (parent, key) = pointer.rsplit_once('/').expect("pointer");
+        match json.pointer_mut(parent).expect("there") {
+            Value::Array(items) => items[key.parse::<usize>().expect("index")] = value,
+            other => other[key] = value,
+        }
+        let found = message(&b.glb_with(&json));
+        if !found.starts_with(expected) {
+            wrong.push(format!(
+                "{pointer}\n  expected: {expected}\n  found: {found}"
+            ));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    // without an animation of the weights, those of the node are looked at
+    let mut json = b.json();
+    json["animations"] = json!([]);
+    json["nodes"][0]["weights"] = json!([1, 2, 3]);
+    assert_eq!(
+        message(&b.glb_with(&json)),
+        "node 0: 3 weights for 1 morph targets"
+    );
+}
+
+/// A valid animated file for mutations.
+pub fn valid_animated_glb() -> Vec<u8> {
+    animated().glb()
 }
 
 /// A valid file for mutations.

@@ -1,7 +1,7 @@
 //! 20,000 seeded mutations of valid files through each reader: no panic, no large allocation.
 
 use super::binary::{valid_exr, valid_part};
-use super::models::valid_glb;
+use super::models::{valid_animated_glb, valid_glb};
 use abbe::math::hash::random_bits;
 
 const MUTATIONS: u64 = 20_000;
@@ -116,6 +116,11 @@ fn gltf() {
         b"KHR_materials_volume",
     ];
     run(&valid_glb(), &dictionary, abbe::io::gltf::fuzz_gltf);
+    run(
+        &valid_animated_glb(),
+        &dictionary,
+        abbe::io::gltf::fuzz_gltf,
+    );
 }
 
 #[test]

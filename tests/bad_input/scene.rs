@@ -91,6 +91,11 @@ fn overrides_say_which_one_is_wrong() {
             "--set object.7.material=x: no list element \"7\" (allowed: 0..4, or an element's name)",
         ),
         (
+            "model.0.resolution",
+            "[8, 8]",
+            "--set model.0.resolution=[8, 8]: there is no list \"model\" to index (lists there are: light, object, sensor)",
+        ),
+        (
             "render..spp",
             "1",
             "--set render..spp=1: the key has an empty part (allowed: names and indices joined by dots)",

@@ -144,6 +144,9 @@ fn page_and_tables_hold_the_same_numbers() {
         "path",
         "light",
         "bdpt",
+        "bdpt-single",
+        "vcm",
+        "merging",
         "no-dispersion",
         "no-motion",
         "no-regularization",
@@ -194,26 +197,79 @@ fn every_plot_has_its_curves() {
             .as_array()
             .unwrap()
             .iter()
-            .filter(|v| v["group"].is_null() || v["group"] == group.as_str())
+            .filter(|v| {
+                let groups = v["groups"].as_array().unwrap();
+                groups.is_empty() || groups.iter().any(|g| *g == group.as_str())
+            })
             .map(|v| v["id"].as_str().unwrap())
             .collect();
         assert_eq!(drawn, expected, "{}", &found[1]);
     }
-    let all = [
-        "effects-noise",
-        "effects-time",
-        "methods-log",
-        "methods-probe",
-        "methods-samples",
-        "methods-time",
-        "methods-trimmed",
-        "settings-noise",
-        "settings-time",
-    ];
-    assert_eq!(plots.iter().map(String::as_str).collect::<Vec<_>>(), all);
+    let all: BTreeSet<String> = ["effects", "methods", "settings"]
+        .iter()
+        .flat_map(|group| {
+            ["log", "noise", "probe", "samples", "time", "trimmed"]
+                .map(|plot| format!("{group}-{plot}"))
+        })
+        .collect();
+    assert_eq!(plots, all);
+    for plot in &plots {
+        let file = report
+            .folder
+            .path()
+            .join("report")
+            .join(format!("{plot}.svg"));
+        let text = std::fs::read_to_string(file).unwrap();
+        assert!(text.starts_with("<svg ") && text.matches("<polyline").count() > 1);
+    }
     let pictures = embedded(&report.page, "pictures");
     let variants = report.json["variants"].as_array().unwrap().len();
     assert_eq!(pictures.as_array().unwrap().len(), variants + 1);
+}
+
+#[test]
+fn strategies_are_shown_one_by_one() {
+    let page = &REPORT.page;
+    let caption = Regex::new(r"<figcaption>s (\d+), t (\d+)</figcaption>").unwrap();
+    let (_, pyramid) = page
+        .split_once("<div class=\"scroll\" id=\"pyramid\">")
+        .unwrap();
+    let strategies: BTreeSet<(u32, u32)> = caption
+        .captures_iter(pyramid)
+        .map(|c| (c[1].parse().unwrap(), c[2].parse().unwrap()))
+        .collect();
+    // light on the wall by each of three ways, and no walk that would have to hit the pinhole
+    for made in [(0, 3), (1, 2), (2, 1)] {
+        assert!(strategies.contains(&made), "{made:?} in {strategies:?}");
+    }
+    assert!(strategies.iter().all(|s| s.1 > 0), "{strategies:?}");
+    assert!(
+        page.contains("<figure id=\"share\">"),
+        "the ball is regularized"
+    );
+}
+
+#[test]
+fn effects_are_told_with_the_error_of_leaving_them_out() {
+    let report = &*REPORT;
+    let table = report.page.split_once("<table id=\"effects\">").unwrap().1;
+    let table = table.split_once("</table>").unwrap().0;
+    let variants = report.json["variants"].as_array().unwrap();
+    let of_effects = |v: &&Value| {
+        let groups = v["groups"].as_array().unwrap();
+        groups.iter().any(|g| *g == "effects")
+    };
+    let labels: Vec<&str> = variants
+        .iter()
+        .filter(of_effects)
+        .map(|v| v["label"].as_str().unwrap())
+        .collect();
+    assert_eq!(table.matches("<tr>").count(), labels.len() + 1);
+    for (row, label) in table.split("<tr>").skip(2).zip(labels) {
+        let cells: Vec<&str> = row.split("<td>").collect();
+        assert!(cells[0].contains(label) && cells.len() == 5, "{row}");
+        assert!(cells.iter().all(|c| !c.starts_with("</td>")), "{row}");
+    }
 }
 
 #[test]

@@ -6,6 +6,7 @@
 
 use super::harness::{Estimate, Measured, measure, scene, test_scale, with};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
+use abbe::scene::{Scene, Settings};
 
 pub struct Case {
     pub name: &'static str,
@@ -18,9 +19,9 @@ pub struct Case {
     pub resolution: f64,
 }
 
-const LIMIT: f64 = 4.5;
+pub const LIMIT: f64 = 4.5;
 
-fn compare(name: &str, what: &str, a: &Estimate, b: &Estimate, resolution: f64) {
+pub fn compare(name: &str, what: &str, a: &Estimate, b: &Estimate, resolution: f64) {
     let error = a.error.hypot(b.error);
     let mean = 0.5 * (a.mean + b.mean);
     println!(
@@ -60,7 +61,8 @@ fn assert_planted_error_is_seen(name: &str, reference: &Estimate, bdpt: &Measure
     );
 }
 
-pub fn run(case: &Case) {
+/// Gives the scene and what bdpt found.
+pub fn run(case: &Case) -> (Scene, Settings, Measured) {
     let (scene, settings) = scene(case.text);
     let scale = test_scale();
     let [path, light, bdpt] = [
@@ -107,6 +109,7 @@ pub fn run(case: &Case) {
         &bdpt,
         scene.lights.iter().any(abbe::light::Light::is_delta),
     );
+    (scene, settings, bdpt)
 }
 
 /// Every strategy alone, unweighted, estimates the same number for a class.

@@ -5,6 +5,10 @@
     reason = "measured numbers are shown with --nocapture"
 )]
 
+#[path = "../support/gltf.rs"]
+mod gltf;
+
+mod animated;
 mod closed_forms;
 mod determinism;
 mod equality;

@@ -12,6 +12,7 @@ use abbe::render::{OutputRequest, Render};
 use abbe::scene::settings::IntegratorKind::{self, Bdpt, Bpm, Ppm, Vcm};
 use abbe::scene::settings::{Heuristic, Regularize, Sharing};
 use abbe::scene::{Scene, Settings};
+use std::ops::Range;
 
 const LIMIT: f64 = 4.5;
 /// Share of the mean.
@@ -25,6 +26,7 @@ macro_rules! room {
             r#"
 [[sensor]]
 resolution = [24, 24]
+shutter = [0, 1]
 perspective = { eye = [0, 1, 0.95], target = [0, 0.9, 0], fov_deg = 80, aperture_radius = 0.02, focus_distance = 1 }
 [material.white]
 diffuse = { reflectance = 0.6 }
@@ -83,6 +85,21 @@ const ROUGH: &str = room!(
 sphere = { center = [0, 0.6, 0], radius = 0.5 }
 material = "rough"
 interior = "flint"
+"#
+);
+
+const MOVING: &str = room!(
+    "max_depth = 4\nwavelengths = { line_nm = 550 }\nmerge_radius = 0.03\nsharing = \"stratified\"",
+    r#"
+[[object]]
+sphere = { center = [0, 0.5, 0], radius = 0.3 }
+material = "floor"
+motion = [{ keys = [{ time = 0, translate = [-0.5, 0, 0] }, { time = 1, translate = [0.5, 0.3, 0] }] }]
+[[object]]
+sphere = { center = [0, 0.5, 0.3], radius = 0.2 }
+material = "glass"
+interior = "flint"
+motion = [{ keys = [{ time = 0, translate = [0.6, 0, 0] }, { time = 1, translate = [-0.6, 0, 0] }] }]
 "#
 );
 
@@ -195,6 +212,43 @@ fn dispersive_glass_and_the_power_heuristic_have_the_same_mean() {
 }
 
 #[test]
+fn things_that_move_are_merged_at_the_moment_of_the_pass() {
+    let (scene, settings) = scene(MOVING);
+    let bdpt = run(&scene, &settings, Bdpt, 40, &[]);
+    for (kind, passes) in [(Vcm, 30), (Bpm, 50), (Ppm, 50)] {
+        let merged = run(&scene, &settings, kind, passes, &[]);
+        agree(&format!("moving, {kind:?}"), &merged.y, &bdpt.y, 0.015);
+    }
+}
+
+#[test]
+fn classic_scenes_look_the_same_in_all_modes() {
+    for (what, text) in [
+        (
+            "ceiling",
+            include_str!("../../scenes/smallvcm_ceiling.toml"),
+        ),
+        ("point", include_str!("../../scenes/smallvcm_point.toml")),
+        ("sun", include_str!("../../scenes/smallvcm_sun.toml")),
+        (
+            "background",
+            include_str!("../../scenes/smallvcm_background.toml"),
+        ),
+    ] {
+        let text = text.replace("resolution = [512, 512]", "resolution = [24, 24]");
+        let (scene, mut settings) = scene(&text);
+        settings.merging.radius = Some(0.02);
+        settings.merging.sharing = Sharing::Stratified;
+        let bdpt = run(&scene, &settings, Bdpt, 12, &[]);
+        // a glossy floor is hard for merging alone
+        for (kind, passes, resolution) in [(Vcm, 8, 0.05), (Bpm, 16, 0.12), (Ppm, 16, 0.12)] {
+            let merged = run(&scene, &settings, kind, passes, &[]);
+            agree(&format!("{what}, {kind:?}"), &merged.y, &bdpt.y, resolution);
+        }
+    }
+}
+
+#[test]
 fn rough_dispersive_glass_is_merged_by_the_sum_over_whole_paths() {
     let (scene, settings) = scene(ROUGH);
     let bdpt = run(&scene, &settings, Bdpt, 60, &[]);
@@ -259,71 +313,102 @@ fn image(scene: &Scene, settings: &Settings, passes: u32) -> Vec<f64> {
     render.outputs().image.image(u64::from(passes))
 }
 
+/// Mean square error of Y relative to the reference, over seeds.
+fn square_errors(
+    scene: &Scene,
+    settings: &Settings,
+    (passes, seeds): (u32, u64),
+    reference: &[f64],
+) -> Moments {
+    let mut errors = Moments::default();
+    for seed in 1..=seeds {
+        let found = image(
+            scene,
+            &Settings {
+                seed,
+                ..settings.clone()
+            },
+            passes,
+        );
+        let square = |(a, b): (&f64, &f64)| (a - b).powi(2) / (b * b);
+        let sum: f64 = channel(&found, 1).iter().zip(reference).map(square).sum();
+        errors.push(sum / reference.len() as f64);
+    }
+    errors
+}
+
 #[test]
 fn the_error_falls_with_passes() {
-    let (scene, settings) = scene(MIXED);
-    let y = |image: Vec<f64>| -> Vec<f64> { image.into_iter().skip(1).step_by(3).collect() };
-    let reference = y(image(&scene, &with(&settings, Bdpt), 800));
-    let error = |passes: u32| {
-        let mut square = 0.0;
-        for seed in 1..=4 {
-            let settings = Settings {
-                seed,
-                ..with(&settings, Vcm)
-            };
-            let found = y(image(&scene, &settings, passes));
-            square += found
-                .iter()
-                .zip(&reference)
-                .map(|(a, b)| (a - b).powi(2) / (b * b))
-                .sum::<f64>()
-                / (4 * reference.len()) as f64;
-        }
-        square
-    };
-    let (few, many) = (error(2), error(64));
+    let (scene, mut settings) = scene(MIXED);
+    let reference = channel(&image(&scene, &with(&settings, Bdpt), 800), 1);
+    let vcm = with(&settings, Vcm);
+    let few = square_errors(&scene, &vcm, (2, 4), &reference).mean;
+    let many = square_errors(&scene, &vcm, (64, 4), &reference).mean;
     // the variance of strategies that merge nothing falls 32-fold, that of merging 32^(2/3) = 10-fold
     println!(
         "mean square error {few:.3e} after 2 passes, {many:.3e} after 64: {:.1}-fold",
         few / many
     );
     assert!(few / many > 8.0, "{few} and {many}");
+
+    // with merging alone both shares fall as N^(-2/3): the variance by the mean of r^(-2) over N, the squared bias by the square
+    // of the mean of r^2. For finite N the sums themselves say how fast.
+    settings.merging.radius = Some(0.1);
+    settings.integrator = Ppm;
+    let mean = |passes: u32, power: f64| {
+        let sum: f64 = (1..=passes).map(|i| f64::from(i).powf(power)).sum();
+        sum / f64::from(passes)
+    };
+    let variance = |passes| mean(passes, 1.0 / 3.0) / f64::from(passes);
+    let bias = |passes| mean(passes, -1.0 / 3.0).powi(2);
+    let span = f64::ln(96.0 / 6.0);
+    let slope = |few: f64, many: f64| (many / few).ln() / span;
+    let expected = [slope(variance(6), variance(96)), slope(bias(6), bias(96))];
+    let few = square_errors(&scene, &settings, (6, 16), &reference);
+    let many = square_errors(&scene, &settings, (96, 6), &reference);
+    let found = slope(few.mean, many.mean);
+    let relative = |m: &Moments| m.standard_error() / m.mean;
+    let error = relative(&few).hypot(relative(&many)) / span;
+    println!("slope {found:.3} with a standard error of {error:.3}, expected {expected:.3?}");
+    assert!(error < 0.05, "{error} tells nothing");
+    assert!(
+        found > expected[0] - 4.5 * error && found < expected[1] + 4.5 * error,
+        "{found}, expected {expected:?}"
+    );
 }
 
-#[test]
-fn a_dispersive_lens_has_bands_where_passes_share_their_wavelengths() {
-    let text = include_str!("../../scenes/dispersive_lens.toml").replace(
-        "resolution = [640, 400]",
-        "resolution = [320, 200]\nfilter = \"box\"",
-    );
-    let (scene, settings) = scene(&text);
-    let reference = image(
-        &scene,
-        &Settings {
-            seed: 77,
-            ..with(&settings, Bdpt)
-        },
-        24,
-    );
-    let channel = |image: &[f64], c: usize| -> Vec<f64> {
-        image.iter().skip(c).step_by(3).copied().collect()
-    };
-    // the apex of the inner, colored border of the ring, where lines of one color are upright
-    let region = (150..190, 108..124);
-    let f_ratios = |kind, seed| {
-        let found = image(
-            &scene,
+fn channel(image: &[f64], c: usize) -> Vec<f64> {
+    image.iter().skip(c).step_by(3).copied().collect()
+}
+
+/// F-ratios after two passes, of five seeds: with merging the largest of the channels, without it each of them.
+fn bands_of_two_passes(
+    (scene, settings): (&Scene, &Settings),
+    reference_passes: u32,
+    (region, axis): ((Range<usize>, Range<usize>), Axis),
+    channels: &[usize],
+) -> (Moments, Moments) {
+    let width = full_crop(scene).width() as usize;
+    let render = |kind, seed, passes| {
+        image(
+            scene,
             &Settings {
                 seed,
-                ..with(&settings, kind)
+                ..with(settings, kind)
             },
-            2,
-        );
-        [0, 1, 2].map(|c| {
-            let of = channel(&reference, c);
-            let bands = banding(&channel(&found, c), Some(&of), 320, region.clone(), Axis::X);
+            passes,
+        )
+    };
+    let reference = render(Bdpt, 77, reference_passes);
+    let f_ratios = |kind, seed| -> Vec<f64> {
+        let found = render(kind, seed, 2);
+        let of = |&c: &usize| {
+            let expected = channel(&reference, c);
+            let found = channel(&found, c);
+            let bands = banding(&found, Some(&expected), width, region.clone(), axis);
             bands.expect("noise").f_ratio
-        })
+        };
+        channels.iter().map(of).collect()
     };
     let (mut shared, mut without) = (Moments::default(), Moments::default());
     for seed in 1..=5 {
@@ -335,10 +420,46 @@ fn a_dispersive_lens_has_bands_where_passes_share_their_wavelengths() {
         shared.push(strongest);
         bdpt.iter().for_each(|&f| without.push(f));
     }
-    // two wavelengths are two bands, more or less apart
+    (shared, without)
+}
+
+fn only_merging_has_bands((shared, without): (Moments, Moments)) {
+    // two wavelengths, or two moments, are two bands, more or less apart
     assert!(shared.mean > 10.0, "{shared:?}");
     let interval = without.mean - 1.96 * without.standard_error();
     assert!(interval < 1.3 && without.mean < 2.0, "{without:?}");
+}
+
+#[test]
+fn a_dispersive_lens_has_bands_where_passes_share_their_wavelengths() {
+    let text = include_str!("../../scenes/dispersive_lens.toml").replace(
+        "resolution = [640, 400]",
+        "resolution = [320, 200]\nfilter = \"box\"",
+    );
+    let (scene, settings) = scene(&text);
+    // the apex of the inner, colored border of the ring, where lines of one color are upright
+    let apex = ((150..190, 108..124), Axis::X);
+    only_merging_has_bands(bands_of_two_passes(
+        (&scene, &settings),
+        24,
+        apex,
+        &[0, 1, 2],
+    ));
+}
+
+#[test]
+fn a_moving_shadow_has_bands_where_passes_share_their_time() {
+    let text = include_str!("../../scenes/moving_lens.toml")
+        .replace(
+            "resolution = [640, 400]",
+            "resolution = [160, 100]\nfilter = \"box\"",
+        )
+        // color shall not play a part
+        .replace("spp = 128", "wavelengths = { line_nm = 550 }");
+    let (scene, settings) = scene(&text);
+    // the far border of the card's shadow, which comes nearer from line to line
+    let border = ((80..155, 24..42), Axis::Y);
+    only_merging_has_bands(bands_of_two_passes((&scene, &settings), 48, border, &[1]));
 }
 
 #[test]

@@ -1,15 +1,12 @@
 //! Models and textures: texels land where they should, and all strategies see the same textured, bent, half-open, transmissive
 //! surfaces.
 
-#[path = "../support/gltf.rs"]
-mod gltf;
-
+use super::gltf::Builder;
 use super::harness::{Estimate, full_crop, measure, scene_in, test_scale, with};
 use abbe::render::{OutputRequest, Render};
 use abbe::scene::settings::{IntegratorKind, Regularization, Regularize};
 use abbe::scene::{Scene, Settings};
 use abbe::spectrum::xyz::xyz_to_linear_srgb;
-use gltf::Builder;
 use serde_json::json;
 use std::path::Path;
 

@@ -1,10 +1,15 @@
 //! Things that move while the shutter is open: the integrators against each other, streaks and sweeps against closed forms, and
 //! a shutter that is open for a moment against things at rest.
 
-use super::equality::{Case, run};
-use super::harness::{Estimate, full_crop, line_images, line_mean, mean, scene, test_scale, with};
+use super::equality::{Case, compare, run};
+use super::harness::{
+    Estimate, Measured, full_crop, line_images, line_mean, mean, measure, scene, test_scale, with,
+};
+use super::regularized::regularized;
 use abbe::render::{OutputRequest, Render};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
+use abbe::scene::settings::Regularize::Mis;
+use abbe::scene::{Scene, Settings};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// A closed room, seen from inside, with the shutter open for a second.
@@ -40,9 +45,37 @@ material = "white"
     };
 }
 
+/// With cones so narrow that their bias (of the square of their half-aperture) is below what is resolved, path, light and bdpt
+/// agree with bdpt without cones. Light paths reach the camera through glass and over mirrors only so.
+fn agree_with_cones(
+    case: &Case,
+    (scene, settings, truth): (Scene, Settings, Measured),
+    passes: [u32; 3],
+) {
+    for ((kind, passes), epsilon) in [Path, Light, Bdpt]
+        .into_iter()
+        .zip(passes)
+        .zip([0.02, 0.1, 0.02])
+    {
+        let settings = with(&regularized(&settings, Mis, epsilon), kind);
+        let found = measure(&scene, &settings, 16, passes * test_scale(), case.classes);
+        let what = format!("{kind:?} with cones");
+        let (whole, part) = if kind == Light {
+            (0.02, 0.2)
+        } else {
+            (0.006, 0.06)
+        };
+        compare(case.name, &what, &found.y, &truth.y, whole);
+        for (i, class) in case.classes.iter().enumerate() {
+            let (a, b) = (&found.classes[i], &truth.classes[i]);
+            compare(case.name, &format!("{what} {class}"), a, b, part);
+        }
+    }
+}
+
 #[test]
 fn moving_light_and_mirror_and_a_turning_mesh() {
-    run(&Case {
+    let case = Case {
         name: "moving light and mirror",
         text: room!(
             "max_depth = 4",
@@ -76,12 +109,14 @@ motion = [{ about = [0, 1.9, 0.4], interpolation = "cubic", keys = [
         passes: [300, 0, 120],
         classes: &["LDE", "LDDE", "LDSE"],
         resolution: 2e-3,
-    });
+    };
+    let found = run(&case);
+    agree_with_cones(&case, found, [80, 240, 60]);
 }
 
 #[test]
 fn moving_dispersive_glass_before_a_moving_camera() {
-    run(&Case {
+    let case = Case {
         name: "moving glass and camera",
         text: room!(
             "max_depth = 6",
@@ -105,7 +140,9 @@ emission = 3
         passes: [400, 0, 160],
         classes: &["LDE", "LDDE", "LDSSE"],
         resolution: 2.5e-3,
-    });
+    };
+    let found = run(&case);
+    agree_with_cones(&case, found, [100, 240, 60]);
 }
 
 #[test]
@@ -153,6 +190,181 @@ motion = [{ about = [0, 1.2, 0.9], keys = [{ time = 0, rotate = { axis = [0, 1, 
         classes: &["LDE", "LDDE"],
         resolution: 2.5e-3,
     });
+}
+
+/// Everything that can move does, with smooth glass and a mirror: path and bdpt agree, and light as well with cones.
+#[test]
+fn everything_moves_with_glass_and_a_mirror() {
+    let case = Case {
+        name: "everything moves, specular",
+        text: room!(
+            "max_depth = 5",
+            r#"motion = [{ keys = [{ time = 0, translate = [0, 0, 0] }, { time = 1, translate = [0.15, 0.1, -0.1] }] }]"#,
+            r#"
+[[object]]
+mesh = { obj = "assets/smooth_sphere.obj" }
+transform = [{ scale = [0.3, 0.2, 0.3] }]
+material = "red"
+motion = [{ keys = [{ time = 0, translate = [-0.5, 0.4, 0], rotate = { axis = [0, 0, 1], deg = 0 } }, { time = 1, translate = [-0.4, 0.6, -0.2], rotate = { axis = [0, 0, 1], deg = 200 } }] }]
+[[object]]
+sphere = { radius = 0.3 }
+material = "glass"
+interior = "flint"
+motion = [{ keys = [{ time = 0, translate = [0.5, 0.5, -0.2] }, { time = 1, translate = [0.1, 0.6, 0] }] }]
+[[object]]
+quad = { center = [0, 0, 0], u = [0.4, 0, 0], v = [0, 0.4, 0] }
+material = "mirror"
+motion = [{ keys = [{ time = 0, rotate = { axis = [0, 1, 0], deg = -20 } }, { time = 1, rotate = { axis = [0, 1, 0], deg = 20 } }] }, { keys = [{ time = 0, translate = [0, 1.2, -0.7] }, { time = 1, translate = [-0.3, 1.1, -0.7] }] }]
+[[object]]
+quad = { center = [0, 1.9, 0], u = [0.6, 0, 0], v = [0, 0, 0.6] }
+emission = 4
+motion = [{ keys = [{ time = 0, translate = [-0.2, 0, 0] }, { time = 1, translate = [0.3, -0.1, 0.2] }] }]
+"#
+        ),
+        batches: 16,
+        passes: [500, 0, 200],
+        classes: &["LDE", "LDDE", "LDSE"],
+        resolution: 3e-3,
+    };
+    let found = run(&case);
+    agree_with_cones(&case, found, [80, 240, 60]);
+}
+
+#[test]
+fn an_environment_that_turns() {
+    run(&Case {
+        name: "turning environment",
+        text: r#"
+[render]
+max_depth = 3
+[[sensor]]
+resolution = [12, 12]
+shutter = [0, 1]
+perspective = { eye = [0, 1, 3], target = [0, 0.4, 0], fov_deg = 50, aperture_radius = 0.02, focus_distance = 3 }
+[material.white]
+diffuse = { reflectance = 0.7 }
+[material.metal]
+conductor = { metal = "Ag", roughness = 0.3 }
+[[object]]
+quad = { center = [0, 0, 0], u = [2, 0, 0], v = [0, 0, -2] }
+material = "white"
+[[object]]
+sphere = { center = [0.3, 0.5, 0], radius = 0.5 }
+material = "metal"
+[[light]]
+environment = { image = "builtin:studio", euler_deg = [0, 20, 0] }
+motion = [{ keys = [{ time = 0, rotate = { axis = [0.3, 1, 0], deg = -30 } }, { time = 1, rotate = { axis = [0.3, 1, 0], deg = 100 } }] }]
+"#,
+        batches: 16,
+        passes: [500, 0, 220],
+        classes: &["LE", "LDE", "LDDE"],
+        resolution: 3e-3,
+    });
+}
+
+/// The mean of the irradiances at rest over the angles that a turning environment goes through: by midpoints, 24 of 90 degrees.
+#[test]
+fn an_environment_that_turns_gives_the_mean_of_those_at_rest() {
+    let at = |shutter: &str, motion: &str, deg: f64| {
+        let text = format!(
+            r#"
+[render]
+integrator = "path"
+wavelengths = {{ line_nm = 555 }}
+lanes = 1
+[[sensor]]
+resolution = [4, 4]
+{shutter}
+detector = {{ center = [0, 0, 0], normal = [0.5, 0.5, 0.7], width = 1, height = 1 }}
+[[light]]
+environment = {{ image = "builtin:studio", euler_deg = [0, {deg}, 0] }}
+{motion}
+"#
+        );
+        scene(&text)
+    };
+    let turn = "motion = [{ keys = [{ time = 0, rotate = { axis = [0, 1, 0], deg = 20 } }, { time = 2, rotate = { axis = [0, 1, 0], deg = 110 } }] }]";
+    let (moving, settings) = at("shutter = [0, 2]", turn, 0.0);
+    assert!(moving.is_moving);
+    let passes = 80 * test_scale();
+    let found = line_mean(&moving, 0, &settings, 16, 24 * passes);
+    let (mut sum, mut variance) = (0.0, 0.0);
+    let mut range = (f64::MAX, 0.0_f64);
+    for i in 0..24_u64 {
+        // random numbers of its own, so that the errors are independent
+        let own = Settings {
+            seed: 1 + i,
+            ..settings.clone()
+        };
+        let angle = 20.0 + 90.0 * (i as f64 + 0.5) / 24.0;
+        let still = line_mean(&at("", "", angle).0, 0, &own, 8, passes);
+        sum += still.mean / 24.0;
+        variance += (still.error / 24.0).powi(2);
+        range = (range.0.min(still.mean), range.1.max(still.mean));
+    }
+    assert!(
+        range.1 > 1.2 * range.0,
+        "the angle hardly matters: {range:?}"
+    );
+    let expected = Estimate {
+        mean: sum,
+        error: variance.sqrt(),
+    };
+    compare(
+        "turning environment",
+        "mean of those at rest",
+        &found,
+        &expected,
+        2e-3,
+    );
+}
+
+/// A mirror turns at a constant rate about an axis in its plane: the image of a point light runs along a circle at twice that rate.
+#[test]
+fn a_turning_mirror_sweeps_the_image_of_a_point_light() {
+    let text = r#"
+[render]
+wavelengths = { line_nm = 555 }
+lanes = 1
+max_depth = 1
+[[sensor]]
+resolution = [4, 4]
+shutter = [0, 1]
+detector = { center = [1.5, 0.3, 0], u = [0, 0, 0.5], v = [0, 0.5, 0] }
+[material.mirror]
+mirror = {}
+[[object]]
+quad = { center = [0, 0, 0], u = [0, 0, -9], v = [0, 9, 0] }
+material = "mirror"
+motion = [{ keys = [{ time = 0, rotate = { axis = [0, 0, 1], deg = -25 } }, { time = 1, rotate = { axis = [0, 0, 1], deg = 10 } }] }]
+[[light]]
+point = { position = [1, 0, 0], intensity = 1 }
+"#;
+    let (scene, settings) = scene(text);
+    let middle = |i: i32, n: i32, low: f64, high: f64| {
+        low + (high - low) * (f64::from(i) + 0.5) / f64::from(n)
+    };
+    // the detector faces -x: irradiance of a source at (x, y, 0)
+    let arriving = |source: [f64; 2], y: f64, z: f64| {
+        let d = [1.5 - source[0], y - source[1]];
+        d[0] / (d[0] * d[0] + d[1] * d[1] + z * z).powf(1.5)
+    };
+    let (n, turns) = (40, 60);
+    let mut exact = 0.0;
+    for (i, k) in (0..n).flat_map(|i| (0..n).map(move |k| (i, k))) {
+        let (y, z) = (middle(i, n, -0.2, 0.8), middle(k, n, -0.5, 0.5));
+        exact += arriving([1.0, 0.0], y, z);
+        for turn in 0..turns {
+            let angle = middle(turn, turns, -25.0, 10.0).to_radians();
+            exact +=
+                arriving([-(2.0 * angle).cos(), -(2.0 * angle).sin()], y, z) / f64::from(turns);
+        }
+    }
+    exact /= f64::from(n * n);
+    for (kind, passes) in [(Light, 6000), (Bdpt, 3000)] {
+        let found = line_mean(&scene, 0, &with(&settings, kind), 16, passes * test_scale());
+        found.assert_is(&format!("swept image, {kind:?}"), exact, 5e-3);
+    }
 }
 
 /// A glowing edge goes 20 pixels to the right: a ramp of exactly that length.

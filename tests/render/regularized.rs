@@ -13,7 +13,7 @@ use abbe::scene::settings::{IntegratorKind, Regularization, Regularize};
 const LIMIT: f64 = 4.5;
 
 /// With cones of one half-aperture for all passes.
-fn regularized(settings: &Settings, mode: Regularize, epsilon: f64) -> Settings {
+pub fn regularized(settings: &Settings, mode: Regularize, epsilon: f64) -> Settings {
     Settings {
         regularization: Regularization {
             mode,

@@ -12,6 +12,9 @@ pub struct Builder {
     meshes: Vec<Value>,
     materials: Vec<Value>,
     nodes: Vec<Value>,
+    samplers: Vec<Value>,
+    channels: Vec<Value>,
+    skins: Vec<Value>,
     /// Everything else of the root.
     pub root: serde_json::Map<String, Value>,
 }
@@ -26,7 +29,8 @@ impl Builder {
         self.views.len() - 1
     }
 
-    fn floats<const N: usize>(&mut self, values: &[[f32; N]], kind: &str) -> usize {
+    /// An accessor of f32; its index.
+    pub fn floats<const N: usize>(&mut self, values: &[[f32; N]], kind: &str) -> usize {
         let bytes: Vec<u8> = values
             .as_flattened()
             .iter()
@@ -35,6 +39,52 @@ impl Builder {
         let view = self.view(&bytes);
         self.accessors.push(json!({ "bufferView": view, "componentType": 5126, "count": values.len(), "type": kind }));
         self.accessors.len() - 1
+    }
+
+    /// A channel of the only animation: `values` at `times` (cubic: three per key).
+    pub fn animate<const N: usize>(
+        &mut self,
+        (node, path): (usize, &str),
+        interpolation: &str,
+        times: &[f32],
+        values: &[[f32; N]],
+    ) {
+        let times: Vec<[f32; 1]> = times.iter().map(|t| [*t]).collect();
+        let input = self.floats(&times, "SCALAR");
+        let kind = ["", "SCALAR", "", "VEC3", "VEC4"][N];
+        let output = self.floats(values, kind);
+        self.channels.push(
+            json!({ "sampler": self.samplers.len(), "target": { "node": node, "path": path } }),
+        );
+        self.samplers
+            .push(json!({ "input": input, "output": output, "interpolation": interpolation }));
+    }
+
+    /// A mesh of flat triangles without a node; `more` are further keys of its primitive. Its index.
+    pub fn bare_mesh(&mut self, positions: &[[f32; 3]], indices: &[u16], more: &Value) -> usize {
+        let position = self.floats(positions, "VEC3");
+        let indices = self.indices(indices);
+        let mut primitive = json!({ "attributes": { "POSITION": position }, "indices": indices });
+        for (key, value) in more.as_object().into_iter().flatten() {
+            match (key.as_str(), value.as_object()) {
+                ("attributes", Some(attributes)) => {
+                    for (name, accessor) in attributes {
+                        primitive["attributes"][name] = accessor.clone();
+                    }
+                }
+                _ => primitive[key] = value.clone(),
+            }
+        }
+        self.meshes.push(json!({ "primitives": [primitive] }));
+        self.meshes.len() - 1
+    }
+
+    /// A skin; its index.
+    pub fn skin(&mut self, joints: &[usize], inverse_binds: &[[f32; 16]]) -> usize {
+        let matrices = self.floats(inverse_binds, "MAT4");
+        self.skins
+            .push(json!({ "joints": joints, "inverseBindMatrices": matrices }));
+        self.skins.len() - 1
     }
 
     /// An RGBA image as texture; its index.
@@ -116,13 +166,17 @@ impl Builder {
         if let Some(uvs) = uvs {
             attributes["TEXCOORD_0"] = json!(self.floats(uvs, "VEC2"));
         }
-        let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
-        let view = self.view(&bytes);
-        self.accessors.push(json!({ "bufferView": view, "componentType": 5123, "count": indices.len(), "type": "SCALAR" }));
-        let indices = self.accessors.len() - 1;
+        let indices = self.indices(indices);
         self.meshes.push(json!({ "primitives": [{ "attributes": attributes, "indices": indices, "material": material }] }));
         let mesh = self.meshes.len() - 1;
         self.node(json!({ "mesh": mesh }));
+    }
+
+    fn indices(&mut self, indices: &[u16]) -> usize {
+        let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
+        let view = self.view(&bytes);
+        self.accessors.push(json!({ "bufferView": view, "componentType": 5123, "count": indices.len(), "type": "SCALAR" }));
+        self.accessors.len() - 1
     }
 
     /// The JSON.
@@ -141,6 +195,14 @@ impl Builder {
             ("scenes", json!([{ "nodes": all }])),
         ] {
             root.entry(key).or_insert(value);
+        }
+        if !self.channels.is_empty() {
+            root.entry("animations").or_insert(
+                json!([{ "name": "wave", "channels": self.channels, "samplers": self.samplers }]),
+            );
+        }
+        if !self.skins.is_empty() {
+            root.entry("skins").or_insert(json!(self.skins));
         }
         Value::Object(root)
     }

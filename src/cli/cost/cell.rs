@@ -3,17 +3,15 @@
 //! A finished cell is a JSON file that names its images. A cell whose file is there and was made with the same scene, settings
 //! and time is not rendered again: an interrupted report goes on where it stopped.
 
-use super::super::image_output::xyz_image;
+use super::super::args::Aov;
+use super::super::image_output::{add_layers, xyz_image};
 use super::super::interrupt::Interrupt;
 use super::super::load::{self, Loaded};
 use super::super::usage::cpu_seconds;
 use super::super::{CliError, args::VERSION};
 use super::matrix::Variant;
-use crate::film::SensorResponse;
 use crate::io::atomic::write_atomic;
 use crate::io::exr::{self, Channel};
-use crate::io::part::{PartHeader, PassRange};
-use crate::io::scene_file::OutputUnits;
 use crate::io::scene_file::document::hash_bytes;
 use crate::render::{OutputRequest, Render};
 use serde::{Deserialize, Serialize};
@@ -83,10 +81,11 @@ impl Plan<'_> {
         overrides.push(("render.seed".to_owned(), seed.to_string()));
         let loaded = load::load_frozen(self.scene, &overrides, variant.frozen)?;
         let key = format!(
-            "{VERSION} {:016x} {:016x} {:?} {seed} {seconds:?} {} {}",
+            "{VERSION} {:016x} {:016x} {:?} {} {seed} {seconds:?} {} {}",
             loaded.scene.hash,
             loaded.settings_hash(self.sensor),
             variant.frozen,
+            variant.layers,
             rayon::current_num_threads(),
             self.sensor,
         );
@@ -96,7 +95,7 @@ impl Plan<'_> {
         if let Some(cell) = self.finished(&file, &key) {
             return Ok(Some((cell, false)));
         }
-        let Some((rays, snapshots)) = self.render(&loaded, &stem, seconds)? else {
+        let Some((rays, snapshots)) = self.render(&loaded, &stem, seconds, variant.layers)? else {
             return Ok(None);
         };
         let cell = Cell {
@@ -124,17 +123,18 @@ impl Plan<'_> {
         loaded: &Loaded,
         stem: &str,
         seconds: f64,
+        layers: bool,
     ) -> Result<Option<(u64, Vec<Snapshot>)>, CliError> {
-        let mut clock = Clock::start();
         let crop = loaded.scene.sensors[self.sensor].whole_film();
         let request = OutputRequest {
-            response: match loaded.units {
-                OutputUnits::Radiance => SensorResponse::Xyz,
-                OutputUnits::Photometric => SensorResponse::Photometric,
-            },
+            response: loaded.response(),
+            strategies: layers,
+            shares: layers,
             ..OutputRequest::default()
         };
         let mut render = Render::new(&loaded.scene, self.sensor, &loaded.settings, crop, &request);
+        // pilots are over: a curve that began with them would seem to fall faster than it does
+        let mut clock = Clock::start();
         let mut snapshots: Vec<Snapshot> = Vec::new();
         for pass in 0..MOST_PASSES {
             render.add_pass(pass);
@@ -143,9 +143,10 @@ impl Plan<'_> {
             }
             let passes = pass + 1;
             let (cpu_seconds, wall_seconds) = clock.read();
-            // two passes at least: the noise is told from halves
-            let last = passes == MOST_PASSES || passes >= 2 && wall_seconds >= seconds;
-            if last || passes >= 2 && passes.is_power_of_two() {
+            // two passes at least: the noise is told from halves; CPU time, so that others on the machine take nothing from a cell
+            let used = cpu_seconds / rayon::current_num_threads() as f64;
+            let last = passes == MOST_PASSES || passes >= 2 && used >= seconds;
+            if last || !layers && passes >= 2 && passes.is_power_of_two() {
                 let image = format!("{stem}-{passes}.exr");
                 self.write(&image, loaded, &render, last)?;
                 snapshots.push(Snapshot {
@@ -175,37 +176,23 @@ impl Plan<'_> {
         render: &Render,
         whole: bool,
     ) -> Result<(), CliError> {
-        let crop = render.crop();
-        let passes = render.passes().len() as u64;
-        let header = PartHeader {
-            version: VERSION.to_owned(),
-            scene_hash: loaded.scene.hash,
-            settings_hash: loaded.settings_hash(self.sensor),
-            sensor: loaded.scene.sensors[self.sensor].name.clone(),
-            width: crop.x1,
-            height: crop.y1,
-            crop: [crop.x0, crop.y0, crop.x1, crop.y1],
-            channels: 3,
-            image: loaded.image_attributes(self.sensor),
-            passes: vec![PassRange {
-                seed: loaded.settings.seed,
-                start: 0,
-                end: passes,
-            }],
-        };
+        let header = loaded.header(self.sensor, render);
         let mut image = xyz_image(&render.outputs().image, &header);
+        // what was not kept is not added
+        add_layers(
+            &mut image,
+            &[Aov::Strategies, Aov::Regularized],
+            render,
+            &[],
+        );
         if !whole {
             image.channels.retain(|c| c.name == "Y");
         }
         let [even, odd] = render.pass_counts();
-        let [a, b] = render.outputs().image.half_images(even, odd);
-        let share = even as f64 / passes as f64;
-        // its square is the variance of the mean of both halves
-        let scale = (share * (1.0 - share)).sqrt();
-        let noise = a.iter().zip(&b).skip(1).step_by(3);
+        let noise = render.outputs().image.noise(1, even, odd);
         image.channels.push(Channel {
             name: NOISE_CHANNEL.to_owned(),
-            values: noise.map(|(a, b)| (scale * (a - b)) as f32).collect(),
+            values: noise.into_iter().flatten().map(|v| v as f32).collect(),
         });
         Ok(exr::write(&self.folder.join(name), &image)?)
     }

@@ -3,16 +3,23 @@
 use super::super::args::CostGroup;
 use super::super::load::{Loaded, integrator_name};
 use crate::film::Filter;
-use crate::render::{EpsilonChoice, OutputRequest, Render};
+use crate::integrator::Frame;
+use crate::render::{EpsilonChoice, epsilon};
+use crate::scene::Settings;
 use crate::scene::effects::Effect;
 use crate::scene::frozen::Frozen;
-use crate::scene::regularization::{Decision, decide};
-use crate::scene::settings::IntegratorKind;
+use crate::scene::regularization::{Decision, Mode, decide};
+use crate::scene::settings::{IntegratorKind, Regularize};
 
 /// Name of the variant that all others are compared with.
 pub const BASE: &str = "scene";
 /// Depth that stands for half of no limit.
 const HALF_OF_UNLIMITED: u32 = 6;
+
+/// Columns of the images of single strategies.
+const LAYERS_WIDTH: u32 = 160;
+/// Scattering vertices of paths whose strategies are shown one by one.
+const LAYERS_DEPTH: u32 = 6;
 
 /// Cones of the reference as a share of those of the scene.
 const REFERENCE_CONES: f64 = 0.25;
@@ -24,12 +31,14 @@ pub struct Variant {
     pub id: String,
     /// Name for readers.
     pub label: String,
-    /// Which part of the report it belongs to; `None`: the scene as it is.
-    pub group: Option<CostGroup>,
+    /// The parts of the report it belongs to; none: the scene as it is.
+    pub groups: Vec<CostGroup>,
     /// Keys of the scene file that differ.
     pub overrides: Vec<(String, String)>,
     /// The effect left out of the scene, where no key does it.
     pub frozen: Option<Frozen>,
+    /// Whether its images hold one layer per strategy.
+    pub layers: bool,
 }
 
 impl Variant {
@@ -38,9 +47,10 @@ impl Variant {
         Self {
             id: id.to_owned(),
             label: label.to_owned(),
-            group: Some(group),
+            groups: vec![group],
             overrides: overrides.iter().map(own).collect(),
             frozen: None,
+            layers: false,
         }
     }
 
@@ -50,6 +60,13 @@ impl Variant {
             ..Self::new(id, label, CostGroup::Effects, &[])
         }
     }
+}
+
+/// The cones that a scene calls for under the given settings.
+fn cones(loaded: &Loaded, sensor: usize, settings: &Settings) -> EpsilonChoice {
+    let whole = loaded.scene.sensors[sensor].whole_film();
+    let frame = Frame::new(&loaded.scene, sensor, settings, &whole, false);
+    epsilon::choose(&frame, &loaded.response())
 }
 
 /// What the matrix depends on.
@@ -66,17 +83,14 @@ impl<'a> Base<'a> {
     #[must_use]
     pub fn new(loaded: &'a Loaded, sensor: usize) -> Self {
         let regularization = decide(&loaded.scene, sensor, &loaded.settings);
-        let epsilon = regularization.mode.is_some().then(|| {
-            let crop = loaded.scene.sensors[sensor].whole_film();
-            let request = OutputRequest::default();
-            let render = Render::new(&loaded.scene, sensor, &loaded.settings, crop, &request);
-            render.epsilon().cloned()
-        });
+        let epsilon = regularization
+            .mode
+            .map(|_| cones(loaded, sensor, &loaded.settings));
         Self {
             loaded,
             sensor,
             regularization,
-            epsilon: epsilon.flatten(),
+            epsilon,
         }
     }
 
@@ -92,21 +106,19 @@ impl<'a> Base<'a> {
     /// All variants of the groups asked for, the scene as it is first.
     #[must_use]
     pub fn variants(&self, groups: &[CostGroup]) -> Vec<Variant> {
-        let mut variants = vec![Variant {
-            id: BASE.to_owned(),
-            label: self.label(),
-            group: None,
-            overrides: Vec::new(),
-            frozen: None,
-        }];
-        for group in groups {
-            variants.extend(match group {
-                CostGroup::Methods => self.methods(),
-                CostGroup::Effects => self.effects(),
-                CostGroup::Settings => self.settings(),
-            });
-        }
-        variants
+        let mut scene = Variant::new(BASE, &self.label(), CostGroup::Methods, &[]);
+        scene.groups.clear();
+        let all = [
+            self.methods(),
+            self.effects(),
+            self.lanes(),
+            self.settings(),
+        ];
+        let asked_for = all.into_iter().flatten().filter_map(|mut variant| {
+            variant.groups.retain(|g| groups.contains(g));
+            (!variant.groups.is_empty()).then_some(variant)
+        });
+        std::iter::once(scene).chain(asked_for).collect()
     }
 
     fn label(&self) -> String {
@@ -121,24 +133,54 @@ impl<'a> Base<'a> {
 
     fn methods(&self) -> Vec<Variant> {
         // a further integrator is a further line here
-        let names = ["path", "light", "bdpt", "vcm"];
-        let same = |name: &str, regularized: bool| {
-            name == integrator_name(self.loaded.settings.integrator)
-                && regularized == self.regularized()
-        };
-        let mut methods = Vec::new();
-        for name in names {
-            if !same(name, false) {
-                let keys = [("integrator", name), ("regularize", "off")];
-                methods.push(Variant::new(name, name, CostGroup::Methods, &keys));
-            }
-            if self.effect("specular") && name == "bdpt" && !same(name, true) {
-                let (id, label) = (format!("{name}-mis"), format!("{name}, regularized"));
-                let keys = [("integrator", name), ("regularize", "mis")];
-                methods.push(Variant::new(&id, &label, CostGroup::Methods, &keys));
-            }
+        let mut pairs = vec![
+            ("path", "off"),
+            ("light", "off"),
+            ("bdpt", "off"),
+            ("vcm", "off"),
+        ];
+        if self.effect("specular") {
+            pairs.splice(3..3, [("bdpt", "single"), ("bdpt", "mis")]);
+            pairs.push(("vcm", "mis"));
         }
+        let own = (
+            integrator_name(self.loaded.settings.integrator),
+            self.mode(),
+        );
+        let variant = |(integrator, mode): (&str, &str)| {
+            let (id, label) = match mode {
+                "off" => (integrator.to_owned(), integrator.to_owned()),
+                "mis" => (
+                    format!("{integrator}-mis"),
+                    format!("{integrator}, regularized"),
+                ),
+                _ => (
+                    format!("{integrator}-{mode}"),
+                    format!("{integrator}, regularized ({mode})"),
+                ),
+            };
+            let keys = [("integrator", integrator), ("regularize", mode)];
+            Variant::new(&id, &label, CostGroup::Methods, &keys)
+        };
+        let others = pairs.into_iter().filter(|pair| *pair != own);
+        let mut methods: Vec<Variant> = others.map(variant).collect();
+        let keys = [
+            ("integrator", "vcm"),
+            ("regularize", "off"),
+            ("sharing", "stratified"),
+        ];
+        let (id, label) = ("vcm-stratified", "vcm, stratified passes");
+        methods.push(Variant::new(id, label, CostGroup::Methods, &keys));
         methods
+    }
+
+    /// The mode of regularization of the scene as it is.
+    fn mode(&self) -> &'static str {
+        match self.regularization.mode {
+            None => "off",
+            Some(Mode::Mis) => "mis",
+            Some(Mode::Single(_)) => "single",
+        }
     }
 
     fn effects(&self) -> Vec<Variant> {
@@ -157,6 +199,18 @@ impl<'a> Base<'a> {
             let label = "without regularization";
             effects.push(Variant::new("no-regularization", label, group, &keys));
         }
+        let method = self.loaded.settings.integrator;
+        let merging = if method.merges() {
+            Some(("no-merging", "bdpt", "without merging (bdpt)"))
+        } else if method == IntegratorKind::Bdpt {
+            Some(("merging", "vcm", "with merging (vcm)"))
+        } else {
+            None
+        };
+        if let Some((id, integrator, label)) = merging {
+            let keys = [("integrator", integrator), ("regularize", self.mode())];
+            effects.push(Variant::new(id, label, group, &keys));
+        }
         let depth = self.loaded.settings.max_depth;
         let half = depth.map_or(HALF_OF_UNLIMITED, |d| d / 2);
         let label = format!("at most {half} scattering vertices");
@@ -165,21 +219,33 @@ impl<'a> Base<'a> {
         effects
     }
 
+    fn lanes(&self) -> Vec<Variant> {
+        let own = self.loaded.settings.lanes.to_string();
+        let others = ["1", "4", "8"].into_iter().filter(|lanes| *lanes != own);
+        let variant = |lanes| {
+            let (id, label) = (
+                format!("lanes-{lanes}"),
+                format!("{lanes} wavelengths per path"),
+            );
+            let keys = [("lanes", lanes)];
+            let mut variant = Variant::new(&id, &label, CostGroup::Effects, &keys);
+            variant.groups.push(CostGroup::Settings);
+            variant
+        };
+        let mut methods: Vec<Variant> = others.map(variant).collect();
+        let keys = [
+            ("integrator", "vcm"),
+            ("regularize", "off"),
+            ("sharing", "stratified"),
+        ];
+        let (id, label) = ("vcm-stratified", "vcm, stratified passes");
+        methods.push(Variant::new(id, label, CostGroup::Methods, &keys));
+        methods
+    }
+
     fn settings(&self) -> Vec<Variant> {
         let group = CostGroup::Settings;
         let mut settings = Vec::new();
-        for lanes in ["1", "4", "8"] {
-            if lanes != self.loaded.settings.lanes.to_string() {
-                let label = format!("{lanes} wavelengths per path");
-                let keys = [("lanes", lanes)];
-                settings.push(Variant::new(
-                    &format!("lanes-{lanes}"),
-                    &label,
-                    group,
-                    &keys,
-                ));
-            }
-        }
         if let Some(depth) = self.loaded.settings.max_depth.filter(|&d| d > 0) {
             let double = depth.saturating_mul(2).min(u32::from(u16::MAX));
             let label = format!("at most {double} scattering vertices");
@@ -215,32 +281,69 @@ impl<'a> Base<'a> {
     }
 
     /// The estimator of the reference: another one than that of the scene, but none that is blind for what the scene shows. Where
-    /// regularization is called for, unbiased methods miss paths without any sign of it in their noise; smaller cones are noisy
-    /// instead, and honest about it.
+    /// regularization is called for, or merging stands in for it, unbiased methods miss paths without any sign of it in their noise;
+    /// smaller cones are noisy instead, and honest about it.
     #[must_use]
     pub fn reference(&self) -> Variant {
-        let sensor = &self.loaded.scene.sensors[self.sensor];
-        let (integrator, label) = if self.regularized() {
+        let hittable = self.loaded.scene.sensors[self.sensor].camera.is_hittable();
+        let method = self.loaded.settings.integrator;
+        let cones =
+            if self.epsilon.is_none() && method.merges() && self.effect("specular") && !hittable {
+                let mut settings = self.loaded.settings.clone();
+                settings.regularization.mode = Regularize::Mis;
+                Some(cones(self.loaded, self.sensor, &settings))
+            } else {
+                self.epsilon.clone()
+            };
+        let (integrator, label) = if cones.is_some() {
             ("bdpt", "")
-        } else if sensor.camera.is_hittable() {
+        } else if hittable {
             ("light", "light tracing, unbiased")
-        } else if self.loaded.settings.integrator == IntegratorKind::Path {
+        } else if method == IntegratorKind::Path || method.merges() {
             ("bdpt", "bdpt without regularization, unbiased")
         } else {
             ("path", "path tracing, unbiased")
         };
-        let mode = if self.regularized() { "mis" } else { "off" };
+        let mode = if cones.is_some() { "mis" } else { "off" };
         let keys = [("integrator", integrator), ("regularize", mode)];
         let mut reference = Variant::new("reference", label, CostGroup::Methods, &keys);
-        reference.group = None;
-        if let Some(choice) = &self.epsilon {
+        reference.groups.clear();
+        if let Some(choice) = cones {
             let epsilon = choice.epsilon * REFERENCE_CONES;
             let key = "render.epsilon".to_owned();
             reference.overrides.push((key, format!("{epsilon:?}")));
             reference.label = format!(
-                "bdpt, regularized with cones of {epsilon:.2e} rad, a quarter of the scene's: a sixteenth of the bias, and more noise"
+                "bdpt, regularized with cones of {epsilon:.2e} rad, a quarter of those chosen for the scene: a sixteenth of the bias, and more noise"
             );
         }
         reference
+    }
+
+    /// The scene as it is with one layer per strategy, small, since there are many strategies.
+    #[must_use]
+    pub fn layers(&self) -> Variant {
+        let size = self.loaded.scene.sensors[self.sensor].camera.resolution();
+        let depth = self.loaded.settings.max_depth.unwrap_or(LAYERS_DEPTH);
+        let depth = depth.min(LAYERS_DEPTH).to_string();
+        let keys = [("max_depth", &*depth)];
+        let mut layers = Variant::new("layers", "strategies", CostGroup::Methods, &keys);
+        layers.groups.clear();
+        layers.layers = true;
+        if size.width > LAYERS_WIDTH {
+            let height =
+                (u64::from(size.height) * u64::from(LAYERS_WIDTH)).div_ceil(u64::from(size.width));
+            let key = format!("sensor.{}.resolution", self.sensor);
+            layers
+                .overrides
+                .push((key, format!("[{LAYERS_WIDTH}, {height}]")));
+        }
+        if let Some(choice) = &self.epsilon {
+            // larger pixels would ask for larger cones
+            let key = "render.epsilon".to_owned();
+            layers
+                .overrides
+                .push((key, format!("{:?}", choice.epsilon)));
+        }
+        layers
     }
 }

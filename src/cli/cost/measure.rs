@@ -2,8 +2,8 @@
 
 use super::super::CliError;
 use super::cell::{Cell, NOISE_CHANNEL};
-use crate::io::exr::{self, ExrImage};
-use crate::math::convergence::{Point, Reach, reach};
+use crate::io::exr;
+use crate::math::convergence::{Point, Reach, error_at, reach};
 use crate::math::image_error::{image_error, mean_relative_square};
 use crate::math::stats::Moments;
 use serde::Serialize;
@@ -29,23 +29,9 @@ impl Luminance {
     /// # Errors
     /// Where the file cannot be read, has no Y, or values that are not finite.
     pub fn read(path: &Path) -> Result<Self, CliError> {
-        Self::of(path, &exr::read(path)?)
-    }
-
-    /// Of an image read before.
-    ///
-    /// # Errors
-    /// Where it has no Y, or values that are not finite.
-    pub fn of(path: &Path, image: &ExrImage) -> Result<Self, CliError> {
-        let channel = |name: &str| {
-            let channel = image.channels.iter().find(|c| c.name == name)?;
-            Some(
-                channel
-                    .values
-                    .iter()
-                    .map(|v| f64::from(*v))
-                    .collect::<Vec<_>>(),
-            )
+        let image = exr::read(path)?;
+        let channel = |name: &str| -> Option<Vec<f64>> {
+            Some(image.channel(name)?.iter().map(|v| f64::from(*v)).collect())
         };
         let y = channel("Y").ok_or_else(|| CliError::file(path, "has no channel Y"))?;
         let noise = channel(NOISE_CHANNEL).or_else(|| channel("error.Y"));
@@ -191,6 +177,12 @@ pub struct Summary {
     pub unit_variance_seconds: Spread,
     /// Relative error √relMSE at the end.
     pub final_error: Spread,
+    /// Relative error √relMSE after the CPU seconds that every variant had.
+    pub equal_time_error: Spread,
+    /// The same as `final_error` without the worst 0.1 % of the pixels.
+    pub trimmed_error: Spread,
+    /// Log-RMSE at the end.
+    pub log_rmse: Spread,
     /// Mean of the image over that of the reference, at the end.
     pub mean_ratio: f64,
     /// √max(0, MSE − variance), relative: what more samples do not take away.
@@ -224,16 +216,33 @@ pub fn mean_curve(points: &[Measured]) -> Vec<Point> {
     passes.into_iter().filter_map(at).collect()
 }
 
-/// Sums up a variant. `floor` is the relative variance of the reference, where it is known.
+/// The points of each seed.
+fn by_seed(points: &[Measured]) -> impl Iterator<Item = &[Measured]> {
+    points.chunk_by(|a, b| a.seed == b.seed)
+}
+
+/// The CPU seconds that every seed had at its end.
 #[must_use]
-pub fn summarize(points: &[Measured], floor: f64) -> Summary {
-    // the last point of each seed
-    let last: Vec<&Measured> = points
-        .iter()
-        .enumerate()
-        .filter(|(i, p)| points.get(i + 1).is_none_or(|next| next.seed != p.seed))
-        .map(|(_, p)| p)
-        .collect();
+pub fn common_seconds(points: &[Measured]) -> f64 {
+    let ends = by_seed(points).filter_map(|seed| seed.last());
+    ends.map(|p| p.cpu_seconds).fold(f64::INFINITY, f64::min)
+}
+
+/// Sums up a variant. `floor` is the relative variance of the reference, where it is known; `equal_seconds` are the CPU seconds at
+/// which variants are compared.
+#[must_use]
+pub fn summarize(points: &[Measured], floor: f64, equal_seconds: f64) -> Summary {
+    let last: Vec<&Measured> = by_seed(points).filter_map(|seed| seed.last()).collect();
+    let at_equal_time = by_seed(points).filter_map(|seed| {
+        let curve: Vec<Point> = seed
+            .iter()
+            .map(|p| Point {
+                work: p.cpu_seconds,
+                error: p.errors.rel_mse.sqrt(),
+            })
+            .collect();
+        error_at(&curve, equal_seconds)
+    });
     let spread = |f: &dyn Fn(&Measured) -> f64| Spread::of(last.iter().map(|p| f(p)));
     let square = spread(&|p| p.errors.rel_mse - p.errors.rel_variance - floor);
     let variance = spread(&|p| p.errors.rel_variance).mean;
@@ -255,6 +264,9 @@ pub fn summarize(points: &[Measured], floor: f64) -> Summary {
         pass_seconds: spread(&|p| p.cpu_seconds / f64::from(p.passes)),
         unit_variance_seconds: spread(&|p| p.errors.rel_variance * p.cpu_seconds),
         final_error: spread(&|p| p.errors.rel_mse.sqrt()),
+        equal_time_error: Spread::of(at_equal_time),
+        trimmed_error: spread(&|p| p.errors.trimmed_rel_mse.sqrt()),
+        log_rmse: spread(&|p| p.errors.log_rmse),
         mean_ratio: spread(&|p| p.errors.mean_ratio).mean,
         bias: bias_square.sqrt(),
         bias_noise: noise.sqrt(),

@@ -4,6 +4,7 @@
 //! Seeds are the outer loop, so that whatever slows the machine for a while slows all variants.
 
 mod cell;
+mod layers;
 mod matrix;
 mod measure;
 mod page;
@@ -15,7 +16,8 @@ use super::args::{CostGroup, CostOptions, VERSION};
 use super::interrupt::Interrupt;
 use super::load::{self, Loaded};
 use super::readable::duration;
-use super::{CliError, Outcome, print};
+use super::stats::effects_json;
+use super::{CliError, Outcome, print, threads};
 use crate::io::atomic::{FileError, write_atomic};
 use crate::math::image_error::mean_relative_square;
 use cell::{Cell, Plan};
@@ -75,10 +77,7 @@ pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
     });
     std::fs::create_dir_all(&folder).map_err(|e| FileError::new(&folder, e))?;
     let interrupt = Interrupt::listen()?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads.map_or(0, usize::from))
-        .build();
-    let pool = pool.map_err(|e| CliError::Failed(format!("cannot start threads: {e}")))?;
+    let pool = threads::pool(options.threads)?;
     let plan = Plan {
         scene: &options.scene,
         overrides: overrides.clone(),
@@ -91,16 +90,7 @@ pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
 
 fn sensor(options: &CostOptions, loaded: &Loaded) -> Result<usize, CliError> {
     let scene = &loaded.scene;
-    let sensor = match &options.sensor {
-        None => 0,
-        Some(name) => scene.sensor_index(name).ok_or_else(|| {
-            let names: Vec<&str> = scene.sensors.iter().map(|s| s.name.as_str()).collect();
-            CliError::Usage(format!(
-                "unknown sensor \"{name}\" (the scene has: {})",
-                names.join(", ")
-            ))
-        })?,
-    };
+    let sensor = loaded.sensor(options.sensor.as_deref())?;
     let size = scene.sensors[sensor].camera.resolution();
     match options.probe {
         Some([x, y]) if x >= size.width || y >= size.height => Err(CliError::Usage(format!(
@@ -120,17 +110,19 @@ fn report(options: &CostOptions, loaded: &Loaded, plan: &Plan) -> Result<Outcome
     let base = Base::new(loaded, plan.sensor);
     let variants = base.variants(&options.vary);
     let cells = variants.len() * options.seeds as usize;
-    let own_reference = if options.reference.is_some() {
-        0.0
-    } else {
-        REFERENCE_BUDGETS
-    };
+    // and the strategies one by one
+    let others = 1.0
+        + if options.reference.is_some() {
+            0.0
+        } else {
+            REFERENCE_BUDGETS
+        };
     say(&format!(
         "{} variants, {} seeds, {} each: about {} in all\n",
         variants.len(),
         options.seeds,
         duration(options.budget),
-        duration((cells as f64 + own_reference) * options.budget)
+        duration((cells as f64 + others) * options.budget)
     ));
     let reference = match &options.reference {
         Some(path) => Reference::new(path.clone(), format!("{}", path.display()))?,
@@ -166,7 +158,7 @@ fn report(options: &CostOptions, loaded: &Loaded, plan: &Plan) -> Result<Outcome
                 }
                 Ok(None) => return Ok(interrupted(&say)),
                 // such as a filter that does not go with the scene's other keys
-                Err(CliError::SceneFile(problems)) if variant.group.is_some() => {
+                Err(CliError::SceneFile(problems)) if !variant.groups.is_empty() => {
                     say(&format!("  left out: {}: {problems}\n", variant.label));
                     failed.push(variant.id.clone());
                     continue;
@@ -182,20 +174,45 @@ fn report(options: &CostOptions, loaded: &Loaded, plan: &Plan) -> Result<Outcome
         }
         measured.retain(|(variant, _)| !failed.contains(&variant.id));
     }
+    let strategies = match plan.cell(&base.layers(), 1, options.budget) {
+        Ok(Some((cell, rendered))) => {
+            say(&format!("  strategies{}\n", kept(rendered)));
+            let last = cell.snapshots.last();
+            last.map(|s| layers::section(&plan.folder.join(&s.image)))
+                .transpose()?
+        }
+        Ok(None) => return Ok(interrupted(&say)),
+        // such as a detector whose resolution follows from its pitch
+        Err(CliError::SceneFile(problems)) => {
+            say(&format!("  left out: strategies: {problems}\n"));
+            None
+        }
+        Err(error) => return Err(error),
+    };
     let floor = reference.variance.unwrap_or(0.0);
+    let equal_seconds = measured
+        .iter()
+        .map(|(_, points)| measure::common_seconds(points))
+        .fold(f64::INFINITY, f64::min);
     let results: Vec<Outcomes> = measured
         .into_iter()
         .map(|(variant, points)| Outcomes {
-            summary: measure::summarize(&points, floor),
+            summary: measure::summarize(&points, floor, equal_seconds),
             variant,
             points,
         })
         .collect();
-    let data = data(options, loaded, plan, &reference, &results);
+    let mut data = data(options, loaded, plan, &reference, &results);
+    data["equal_time_seconds"] = json!(equal_seconds);
     let path = |name: &str| plan.folder.join(name);
     write_atomic(&path("cost.csv"), |w| w.write_all(csv(&results).as_bytes()))?;
     write_atomic(&path("cost.json"), |w| writeln!(w, "{data:#}"))?;
-    let html = page::page(&data, plan.folder, &reference, &results)?;
+    for plot in page::plots(&results) {
+        let file = format!("{}.svg", plot.id);
+        write_atomic(&path(&file), |w| w.write_all(plot.file().as_bytes()))?;
+    }
+    let strategies = strategies.unwrap_or_default();
+    let html = page::page(&data, plan.folder, &reference, &results, strategies)?;
     write_atomic(&path("report.html"), |w| w.write_all(html.as_bytes()))?;
     for sentence in words::sentences(&results, reference.variance) {
         say(&format!("{sentence}\n"));
@@ -256,17 +273,10 @@ fn data(
     let scene = &loaded.scene;
     let sensor = &scene.sensors[plan.sensor];
     let size = sensor.camera.resolution();
-    let effects: Vec<Value> = scene
-        .effects
-        .iter()
-        .map(|e| json!({ "name": e.name, "on": e.on, "reason": e.reason }))
-        .collect();
-    let group = |v: &Variant| {
-        v.group.map(|g| match g {
-            CostGroup::Methods => "methods",
-            CostGroup::Effects => "effects",
-            CostGroup::Settings => "settings",
-        })
+    let group = |g: &CostGroup| match g {
+        CostGroup::Methods => "methods",
+        CostGroup::Effects => "effects",
+        CostGroup::Settings => "settings",
     };
     let variants: Vec<Value> = results
         .iter()
@@ -274,7 +284,7 @@ fn data(
             json!({
                 "id": r.variant.id,
                 "label": r.variant.label,
-                "group": group(&r.variant),
+                "groups": r.variant.groups.iter().map(group).collect::<Vec<_>>(),
                 "keys": r.variant.overrides,
                 "summary": r.summary,
                 "points": r.points,
@@ -290,7 +300,7 @@ fn data(
         "size": [size.width, size.height],
         "media": scene.media.iter().map(|m| format!("{}: {}", m.name, m.ior.name())).collect::<Vec<_>>(),
         "lights": scene.light_names,
-        "effects": effects,
+        "effects": effects_json(&scene.effects),
         "cpu": cpu_name(),
         "threads": rayon::current_num_threads(),
         "budget_seconds": options.budget,

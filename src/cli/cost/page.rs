@@ -2,11 +2,13 @@
 
 use super::super::CliError;
 use super::super::args::CostGroup;
+use super::super::html::escape;
 use super::super::readable::percent;
-use super::measure::{Measured, TARGETS};
+use super::matrix::BASE;
+use super::measure::{Measured, Spread, TARGETS};
 use super::pictures::{self, Picture};
-use super::plot::{Curve, Plot, escape};
-use super::words::time_to;
+use super::plot::{Curve, Plot};
+use super::words::{remains, time_to, times};
 use super::{Outcomes, Reference};
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -23,6 +25,7 @@ pub fn page(
     folder: &Path,
     reference: &Reference,
     results: &[Outcomes],
+    strategies: String,
 ) -> Result<String, CliError> {
     let pictures = all_pictures(folder, reference, results)?;
     let title = data["scene"].as_str().unwrap_or_default();
@@ -31,7 +34,8 @@ pub fn page(
         ("CARD", card(data)),
         ("SENTENCES", list(data)),
         ("TABLE", table(results)),
-        ("PLOTS", plots(results)),
+        ("SECTIONS", sections(results)),
+        ("STRATEGIES", strategies),
         ("BRIGHTEST", pictures::BRIGHTEST.to_string()),
         ("FULL_ERROR", percent(pictures::FULL_ERROR)),
         ("PICTURES", script(&serde_json::json!(pictures))),
@@ -131,8 +135,16 @@ fn list(data: &Value) -> String {
         .collect()
 }
 
+/// A table cell with a mean and, where there are several seeds, its standard error.
+fn with_error(v: Spread) -> String {
+    match v.error {
+        Some(e) => format!("{:.3} ± {:.1} %", v.mean, 100.0 * e / v.mean),
+        None => format!("{:.3}", v.mean),
+    }
+}
+
 fn table(results: &[Outcomes]) -> String {
-    let mut html = "<tr><th>variant</th><th>CPU s per sample</th><th>CPU s to variance 1</th><th>error at the end</th><th>bias</th>"
+    let mut html = "<tr><th>variant</th><th>CPU s per sample</th><th>CPU s to variance 1</th><th>error at the end</th><th>in equal time</th><th>without the worst 0.1 %</th><th>log-RMSE</th><th>bias</th>"
         .to_owned();
     for target in TARGETS {
         _ = write!(html, "<th>to {}</th>", percent(target));
@@ -140,22 +152,17 @@ fn table(results: &[Outcomes]) -> String {
     html += "</tr>";
     for result in results {
         let s = &result.summary;
-        let bias = if s.bias > s.bias_noise {
-            percent(s.bias)
-        } else {
-            format!("below {}", percent(s.bias_noise))
-        };
-        let with_error = |v: super::measure::Spread| match v.error {
-            Some(e) => format!("{:.3} ± {:.1} %", v.mean, 100.0 * e / v.mean),
-            None => format!("{:.3}", v.mean),
-        };
         _ = write!(
             html,
-            "<tr><th>{}</th><td>{}</td><td>{}</td><td>{}</td><td>{bias}</td>",
+            "<tr><th>{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.4}</td><td>{}</td>",
             escape(&result.variant.label),
             with_error(s.pass_seconds),
             with_error(s.unit_variance_seconds),
-            percent(s.final_error.mean)
+            percent(s.final_error.mean),
+            percent(s.equal_time_error.mean),
+            percent(s.trimmed_error.mean),
+            s.log_rmse.mean,
+            remains(s),
         );
         for time in &s.time_to {
             _ = write!(html, "<td>{}</td>", time_to(time));
@@ -163,6 +170,29 @@ fn table(results: &[Outcomes]) -> String {
         html += "</tr>";
     }
     html
+}
+
+/// What each effect costs and buys, against the scene as it is.
+fn effects_table(results: &[Outcomes]) -> String {
+    let Some(base) = results.iter().find(|r| r.variant.id == BASE) else {
+        return String::new();
+    };
+    let mut html = "<div class=\"scroll\"><table id=\"effects\"><tr><th>the scene, but</th><th>time per sample</th><th>time to equal noise</th><th>error in equal time</th><th>error made by it, however long it runs</th></tr>"
+        .to_owned();
+    let of_effects = |r: &&Outcomes| r.variant.groups.contains(&CostGroup::Effects);
+    for result in results.iter().filter(of_effects) {
+        let (s, b) = (&result.summary, &base.summary);
+        _ = write!(
+            html,
+            "<tr><th>{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            escape(&result.variant.label),
+            times(s.pass_seconds, b.pass_seconds),
+            times(s.unit_variance_seconds, b.unit_variance_seconds),
+            times(s.equal_time_error, b.equal_time_error),
+            remains(s),
+        );
+    }
+    html + "</table></div>"
 }
 
 /// A curve over the passes that all seeds have.
@@ -200,123 +230,101 @@ fn curve(
     }
 }
 
-fn plots(results: &[Outcomes]) -> String {
+/// The groups of variants with their headings.
+const SECTIONS: [(CostGroup, &str, &str); 3] = [
+    (
+        CostGroup::Methods,
+        "methods",
+        "Methods: error against time and samples",
+    ),
+    (
+        CostGroup::Effects,
+        "effects",
+        "Effects: what each costs, and the error of leaving it out",
+    ),
+    (CostGroup::Settings, "settings", "Settings"),
+];
+
+/// The variants of a group, the scene as it is among them; none where there is no other.
+fn chosen(results: &[Outcomes], group: CostGroup) -> Vec<&Outcomes> {
+    let of_group = |r: &&Outcomes| r.variant.groups.is_empty() || r.variant.groups.contains(&group);
+    let chosen: Vec<&Outcomes> = results.iter().filter(of_group).collect();
+    if chosen.iter().all(|r| r.variant.groups.is_empty()) {
+        return Vec::new();
+    }
+    chosen
+}
+
+/// All plots of the report that have points.
+#[must_use]
+pub fn plots(results: &[Outcomes]) -> Vec<Plot> {
+    let sections = SECTIONS.iter();
+    sections
+        .flat_map(|(group, name, _)| section_plots(&chosen(results, *group), name))
+        .collect()
+}
+
+fn section_plots(chosen: &[&Outcomes], name: &str) -> Vec<Plot> {
     const TIME: &str = "CPU time (s)";
-    let cpu = |p: &Measured| p.cpu_seconds;
-    let passes = |p: &Measured| f64::from(p.passes);
-    let section = |group: CostGroup, title: &str| {
-        let chosen: Vec<&Outcomes> = results
-            .iter()
-            .filter(|r| r.variant.group.is_none_or(|g| g == group))
-            .collect();
-        if !chosen.iter().any(|r| r.variant.group.is_some()) {
+    type Value = fn(&Measured) -> Option<f64>;
+    let cpu: fn(&Measured) -> f64 = |p| p.cpu_seconds;
+    let passes: fn(&Measured) -> f64 = |p| f64::from(p.passes);
+    let rel_mse: Value = |p| Some(p.errors.rel_mse);
+    let trimmed: Value = |p| Some(p.errors.trimmed_rel_mse);
+    let log_rmse: Value = |p| Some(p.errors.log_rmse);
+    let variance: Value = |p| Some(p.errors.rel_variance);
+    let probe: Value = |p| p.probe;
+    let trimmed_name = "relMSE without the worst 0.1 %";
+    let all = [
+        ("time", TIME, "relMSE", Some(-1.0), cpu, rel_mse),
+        (
+            "samples",
+            "samples per pixel",
+            "relMSE",
+            Some(-1.0),
+            passes,
+            rel_mse,
+        ),
+        ("trimmed", TIME, trimmed_name, Some(-1.0), cpu, trimmed),
+        ("log", TIME, "log-RMSE", Some(-0.5), cpu, log_rmse),
+        (
+            "noise",
+            TIME,
+            "relative variance",
+            Some(-1.0),
+            cpu,
+            variance,
+        ),
+        ("probe", TIME, "value of the probed pixel", None, cpu, probe),
+    ];
+    let plots = all.map(|(id, x, y, slope, at, value)| Plot {
+        id: format!("{name}-{id}"),
+        x,
+        y,
+        // a value may be 0
+        log_y: slope.is_some(),
+        slope,
+        curves: chosen.iter().map(|r| curve(r, at, value)).collect(),
+    });
+    plots.into_iter().filter(Plot::has_points).collect()
+}
+
+fn sections(results: &[Outcomes]) -> String {
+    let section = |(group, name, title): &(CostGroup, &str, &str)| {
+        let chosen = chosen(results, *group);
+        if chosen.is_empty() {
             return String::new();
         }
-        let curves = |x: &dyn Fn(&Measured) -> f64, y: &dyn Fn(&Measured) -> Option<f64>| {
-            chosen.iter().map(|r| curve(r, x, y)).collect::<Vec<_>>()
+        let table = if *group == CostGroup::Effects {
+            effects_table(results)
+        } else {
+            String::new()
         };
-        let plot = |id, x, y, slope, curves| Plot {
-            id,
-            x,
-            y,
-            log_y: true,
-            slope,
-            curves,
-        };
-        let rel_mse: &dyn Fn(&Measured) -> Option<f64> = &|p| Some(p.errors.rel_mse);
-        let all = match group {
-            CostGroup::Methods => vec![
-                plot(
-                    "methods-time",
-                    TIME,
-                    "relMSE",
-                    Some(-1.0),
-                    curves(&cpu, rel_mse),
-                ),
-                plot(
-                    "methods-samples",
-                    "samples per pixel",
-                    "relMSE",
-                    Some(-1.0),
-                    curves(&passes, rel_mse),
-                ),
-                plot(
-                    "methods-trimmed",
-                    TIME,
-                    "relMSE without the worst 0.1 %",
-                    Some(-1.0),
-                    curves(&cpu, &|p| Some(p.errors.trimmed_rel_mse)),
-                ),
-                plot(
-                    "methods-log",
-                    TIME,
-                    "log-RMSE",
-                    Some(-0.5),
-                    curves(&cpu, &|p| Some(p.errors.log_rmse)),
-                ),
-                Plot {
-                    log_y: false,
-                    ..plot(
-                        "methods-probe",
-                        TIME,
-                        "value of the probed pixel",
-                        None,
-                        curves(&cpu, &|p| p.probe),
-                    )
-                },
-            ],
-            CostGroup::Effects => vec![
-                plot(
-                    "effects-time",
-                    TIME,
-                    "relMSE",
-                    Some(-1.0),
-                    curves(&cpu, rel_mse),
-                ),
-                plot(
-                    "effects-noise",
-                    TIME,
-                    "relative variance",
-                    Some(-1.0),
-                    curves(&cpu, &|p| Some(p.errors.rel_variance)),
-                ),
-            ],
-            CostGroup::Settings => vec![
-                plot(
-                    "settings-time",
-                    TIME,
-                    "relMSE",
-                    Some(-1.0),
-                    curves(&cpu, rel_mse),
-                ),
-                plot(
-                    "settings-noise",
-                    TIME,
-                    "relative variance",
-                    Some(-1.0),
-                    curves(&cpu, &|p| Some(p.errors.rel_variance)),
-                ),
-            ],
-        };
-        let figures: String = all
+        let figures: String = section_plots(&chosen, name)
             .iter()
-            .map(Plot::svg)
-            .filter(|svg| !svg.is_empty())
-            .map(|svg| format!("<figure>{svg}</figure>"))
+            .map(|plot| format!("<figure>{}</figure>", plot.figure()))
             .collect();
-        format!("<h2>{title}</h2><div class=\"plots\">{figures}</div>")
+        format!("<h2>{title}</h2>{table}<div class=\"plots\">{figures}</div>")
     };
-    [
-        (
-            CostGroup::Methods,
-            "Methods: error against time and samples",
-        ),
-        (
-            CostGroup::Effects,
-            "Effects: what each costs, and the error of leaving it out",
-        ),
-        (CostGroup::Settings, "Settings"),
-    ]
-    .map(|(group, title)| section(group, title))
-    .concat()
+    SECTIONS.iter().map(section).collect()
 }

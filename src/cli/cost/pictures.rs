@@ -1,6 +1,7 @@
 //! The pictures of a report: images whose bytes keep four stops above white, and signed maps of the error, as data URLs.
 
 use super::super::CliError;
+use super::super::html::png_url;
 use super::Reference;
 use crate::io::exr;
 use crate::io::png::png_bytes;
@@ -40,13 +41,9 @@ pub fn picture(
     reference: Option<&Reference>,
 ) -> Result<Option<Picture>, CliError> {
     let image = exr::read(path)?;
-    if !["X", "Y", "Z"]
-        .iter()
-        .all(|name| image.channels.iter().any(|c| c.name == *name))
-    {
+    let Some(xyz) = image.xyz() else {
         return Ok(None);
-    }
-    let (image, xyz) = exr::read_xyz(path)?;
+    };
     let (width, height) = (image.crop.width(), image.crop.height());
     if xyz.len() / 3 > MOST_PIXELS {
         return Ok(None);
@@ -58,7 +55,7 @@ pub fn picture(
         .collect();
     let url = |rgb: &[u8]| {
         png_bytes(width, height, rgb)
-            .map(|png| format!("data:image/png;base64,{}", base64(&png)))
+            .map(|png| png_url(&png))
             .map_err(|e| CliError::file(path, e.to_string()))
     };
     let map = |reference: &Reference| {
@@ -102,41 +99,9 @@ fn error_color(value: f64, reference: f64) -> [u8; 3] {
     }
 }
 
-/// RFC 4648.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let byte = |i: usize| u32::from(chunk.get(i).copied().unwrap_or(0));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for i in 0..4 {
-            let digit = DIGITS[(bits >> (18 - 6 * i) & 63) as usize];
-            out.push(if i <= chunk.len() {
-                char::from(digit)
-            } else {
-                '='
-            });
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_of_the_standard() {
-        for (text, code) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-        ] {
-            assert_eq!(base64(text.as_bytes()), code);
-        }
-    }
 
     #[test]
     fn bytes_and_colors() {

@@ -1,12 +1,15 @@
 //! Plots as inline SVG: curves on logarithmic axes with the spread of their seeds, a slope guide, and keys that tell them apart
 //! without color.
 
+use super::super::html::escape;
 use std::fmt::Write as _;
 
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 380.0;
 /// Free space left, right, above, below.
 const MARGIN: [f64; 4] = [64.0, 14.0, 12.0, 46.0];
+/// Height of a line of the legend in a file.
+const LINE: f64 = 20.0;
 /// Colors that most eyes tell apart (Okabe and Ito), then the same dashed.
 const COLORS: [&str; 8] = [
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555", "#8c6d1f",
@@ -26,8 +29,8 @@ pub struct Curve {
 /// A plot.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// Name in the page.
-    pub id: &'static str,
+    /// Name in the page and of its file.
+    pub id: String,
     /// Text of the horizontal axis.
     pub x: &'static str,
     /// Text of the vertical axis.
@@ -38,22 +41,6 @@ pub struct Plot {
     pub slope: Option<f64>,
     /// The curves.
     pub curves: Vec<Curve>,
-}
-
-/// Text made safe for HTML.
-#[must_use]
-pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            c => out.push(c),
-        }
-    }
-    out
 }
 
 /// An axis: range and scale.
@@ -139,24 +126,63 @@ fn number(v: f64) -> String {
 }
 
 impl Plot {
-    /// The plot as an SVG element; nothing where there is no point.
-    #[must_use]
-    pub fn svg(&self) -> String {
+    fn axes(&self) -> Option<(Axis, Axis)> {
         let points = || self.curves.iter().flat_map(|c| c.points.iter());
-        let xs = Axis::over(points().map(|p| p[0]), true);
-        let ys = Axis::over(points().flat_map(|p| p[1..].iter().copied()), self.log_y);
-        let (Some(xs), Some(ys)) = (xs, ys) else {
-            return String::new();
-        };
-        let [left, right, top, bottom] = MARGIN;
-        let px = |x: f64| left + xs.at(x) * (WIDTH - left - right);
-        let py = |y: f64| HEIGHT - bottom - ys.at(y) * (HEIGHT - top - bottom);
-        let mut svg = format!(
+        let xs = Axis::over(points().map(|p| p[0]), true)?;
+        let ys = Axis::over(points().flat_map(|p| p[1..].iter().copied()), self.log_y)?;
+        Some((xs, ys))
+    }
+
+    /// Whether there is anything to draw.
+    #[must_use]
+    pub fn has_points(&self) -> bool {
+        self.axes().is_some()
+    }
+
+    /// The plot with its legend, as elements of a page.
+    #[must_use]
+    pub fn figure(&self) -> String {
+        let start = format!(
             r#"<svg id="{}" class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{} against {}">"#,
             self.id,
             escape(self.y),
             escape(self.x)
         );
+        format!("{start}{}</svg>{}", self.drawing(), self.legend())
+    }
+
+    /// The plot with its legend as an SVG file.
+    #[must_use]
+    pub fn file(&self) -> String {
+        let height = HEIGHT + LINE * self.curves.len() as f64 + 8.0;
+        let mut svg = format!(
+            r##"<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height}" viewBox="0 0 {WIDTH} {height}"><style>text{{font:13px sans-serif;fill:#333;stroke:none}}.grid{{stroke:#e2e2e2}}.guide{{stroke:#999;stroke-dasharray:2 4;fill:none}}</style><rect width="100%" height="100%" fill="#fff"/>{}"##,
+            self.drawing()
+        );
+        for (i, curve) in self.curves.iter().enumerate() {
+            let color = COLORS[i % COLORS.len()];
+            let y = HEIGHT + LINE * i as f64 + 8.0;
+            _ = write!(
+                svg,
+                r#"<g stroke="{color}" fill="none">{}</g><text x="{:.1}" y="{:.1}">{}</text>"#,
+                mark(i, MARGIN[0] + 6.0, y, color),
+                MARGIN[0] + 18.0,
+                y + 4.5,
+                escape(&curve.label)
+            );
+        }
+        svg + "</svg>\n"
+    }
+
+    /// Axes and curves; nothing where there is no point.
+    fn drawing(&self) -> String {
+        let Some((xs, ys)) = self.axes() else {
+            return String::new();
+        };
+        let [left, right, top, bottom] = MARGIN;
+        let px = |x: f64| left + xs.at(x) * (WIDTH - left - right);
+        let py = |y: f64| HEIGHT - bottom - ys.at(y) * (HEIGHT - top - bottom);
+        let mut svg = String::new();
         let (x0, x1, y0, y1) = (left, WIDTH - right, HEIGHT - bottom, top);
         for (value, text) in xs.ticks() {
             let x = px(value);
@@ -222,7 +248,7 @@ impl Plot {
             }
             svg += "</g>";
         }
-        svg + "</svg>" + &self.legend()
+        svg
     }
 
     /// A line of the given slope below the first curve.
@@ -284,7 +310,7 @@ mod tests {
     #[test]
     fn a_straight_line_in_logarithms_is_straight() {
         let plot = Plot {
-            id: "p",
+            id: "p".to_owned(),
             x: "time",
             y: "a < b",
             log_y: true,
@@ -297,7 +323,7 @@ mod tests {
                     .to_vec(),
             }],
         };
-        let svg = plot.svg();
+        let svg = plot.figure();
         let points = svg
             .split("polyline points=\"")
             .nth(1)
@@ -313,11 +339,13 @@ mod tests {
         assert!(
             svg.contains("a &lt; b") && svg.contains("one &amp; only") && svg.contains("slope -1")
         );
+        let file = plot.file();
+        assert!(file.starts_with("<svg xmlns=") && file.contains("one &amp; only</text>"));
         let empty = Plot {
             curves: Vec::new(),
             ..plot
         };
-        assert_eq!(empty.svg(), "");
+        assert!(!empty.has_points());
     }
 
     #[test]

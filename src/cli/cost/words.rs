@@ -3,7 +3,7 @@
 use super::super::readable::{duration, percent};
 use super::Outcomes;
 use super::matrix::BASE;
-use super::measure::{Spread, TARGETS, TimeTo};
+use super::measure::{Spread, Summary, TARGETS, TimeTo};
 
 /// Standard errors that a difference must exceed to be more than noise.
 const SIGNIFICANT: f64 = 2.0;
@@ -38,23 +38,29 @@ fn digits(v: f64) -> String {
     }
 }
 
-/// "twice", "within noise", ... of one measure.
-fn compared(what: &str, a: Spread, b: Spread) -> String {
+/// A measure against another, as words that say whether the difference is more than noise.
+#[must_use]
+pub fn times(a: Spread, b: Spread) -> String {
     let (ratio, error) = ratio(a, b);
     match error {
-        _ if !ratio.is_finite() || ratio <= 0.0 => format!("{what} cannot be compared"),
-        None => format!(
-            "{what} {} times (one seed: its noise is not known)",
-            digits(ratio)
-        ),
+        _ if !ratio.is_finite() || ratio <= 0.0 => "cannot be compared".to_owned(),
+        None => format!("{} times (one seed: its noise is not known)", digits(ratio)),
         Some(e) if (ratio - 1.0).abs() <= SIGNIFICANT * e => {
-            format!(
-                "{what} the same within noise ({} ± {})",
-                digits(ratio),
-                digits(e)
-            )
+            format!("the same within noise ({} ± {})", digits(ratio), digits(e))
         }
-        Some(e) => format!("{what} {} ± {} times", digits(ratio), digits(e)),
+        Some(e) => format!("{} ± {} times", digits(ratio), digits(e)),
+    }
+}
+
+/// What would remain of the difference to the reference however long a variant runs.
+#[must_use]
+pub fn remains(summary: &Summary) -> String {
+    if summary.bias_noise > summary.bias.max(1.0) {
+        "hidden by noise".to_owned()
+    } else if summary.bias <= summary.bias_noise {
+        format!("below {}", percent(summary.bias_noise))
+    } else {
+        percent(summary.bias)
     }
 }
 
@@ -88,10 +94,11 @@ pub fn sentences(results: &[Outcomes], reference_variance: Option<f64>) -> Vec<S
             );
         } else {
             let b = &base.summary;
-            text += &compared("time per sample", s.pass_seconds, b.pass_seconds);
-            text += "; ";
-            let unit = "time to equal noise";
-            text += &compared(unit, s.unit_variance_seconds, b.unit_variance_seconds);
+            text += &format!(
+                "time per sample {}; time to equal noise {}",
+                times(s.pass_seconds, b.pass_seconds),
+                times(s.unit_variance_seconds, b.unit_variance_seconds)
+            );
         }
         text += &if s.bias_noise > s.bias.max(1.0) {
             "; its noise hides any bias".to_owned()
@@ -117,10 +124,10 @@ mod tests {
     #[test]
     fn a_difference_within_noise_is_called_so() {
         let spread = |mean, error| Spread { mean, error };
-        let text = |a, b| compared("time", a, b);
+        let text = times;
         let base = spread(1.0, Some(0.1));
         assert!(text(spread(1.2, Some(0.1)), base).contains("within noise"));
-        assert_eq!(text(spread(3.0, Some(0.1)), base), "time 3.0 ± 0.32 times");
+        assert_eq!(text(spread(3.0, Some(0.1)), base), "3.0 ± 0.32 times");
         assert!(text(spread(3.0, None), base).contains("not known"));
     }
 }

@@ -1,10 +1,11 @@
 //! Bytes of a glTF file: URIs, buffers, views, accessors. Nothing is allocated before it is known to be there.
 
-use super::Fault;
+use super::{Fault, hashed};
 use crate::io::scene_file::files;
 use gltf::json::accessor::{ComponentType, GenericComponentType, IndexComponentType, Type};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, accessor, buffer};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Largest buffer file.
@@ -15,7 +16,9 @@ const MAX_ZEROS: usize = 1 << 24;
 /// The bytes of all buffers.
 pub struct Buffers<'a> {
     root: &'a Root,
-    buffers: Vec<Vec<u8>>,
+    buffers: Vec<Cow<'a, [u8]>>,
+    /// Hash of those that come from other files.
+    pub hash: u64,
 }
 
 /// What a URI refers to, read. `what` names the URI's owner in messages.
@@ -43,9 +46,7 @@ pub fn read_uri(folder: &Path, uri: &str, what: &str, limit: u64) -> Result<Vec<
     }
     let name = percent_decoded(uri)
         .ok_or_else(|| Fault::new(format!("{what}: URI \"{shown}\" is not valid")))?;
-    let path = files::find(folder, &name, limit)
-        .map_err(|problem| Fault::new(format!("{what}: {problem}")))?;
-    std::fs::read(&path).map_err(|e| Fault::new(format!("{what}: \"{name}\": {e}")))
+    files::read(folder, &name, limit).map_err(|e| Fault::new(format!("{what}: {e}")))
 }
 
 fn percent_decoded(uri: &str) -> Option<String> {
@@ -145,16 +146,21 @@ fn index(bytes: &[u8], component: ComponentType) -> u32 {
 
 impl<'a> Buffers<'a> {
     /// Reads all buffers. `chunk` is the binary chunk of a GLB file, the buffer without a URI.
-    pub fn read(root: &'a Root, folder: &Path, chunk: Option<&[u8]>) -> Result<Self, Fault> {
+    pub fn read(root: &'a Root, folder: &Path, chunk: Option<&'a [u8]>) -> Result<Self, Fault> {
         let mut buffers = Vec::with_capacity(root.buffers.len());
+        let mut hash = 0;
         for (i, buffer) in root.buffers.iter().enumerate() {
             let what = format!("buffer {i}");
             let length = buffer.byte_length.0;
-            let mut bytes = match (&buffer.uri, chunk) {
-                (Some(uri), _) => read_uri(folder, uri, &what, MAX_BUFFER_BYTES)?,
-                (None, Some(chunk)) if i == 0 => chunk.to_vec(),
+            let mut bytes: Cow<'a, [u8]> = match (&buffer.uri, chunk) {
+                (Some(uri), _) => {
+                    let bytes = read_uri(folder, uri, &what, MAX_BUFFER_BYTES)?;
+                    hash = hashed(hash, &bytes);
+                    bytes.into()
+                }
+                (None, Some(chunk)) if i == 0 => chunk.into(),
                 // a buffer that an extension fills: its views say so when they are used
-                (None, _) => Vec::new(),
+                (None, _) => Vec::new().into(),
             };
             if (bytes.len() as u64) < length && (buffer.uri.is_some() || i == 0 && chunk.is_some())
             {
@@ -163,10 +169,20 @@ impl<'a> Buffers<'a> {
                     bytes.len()
                 )));
             }
-            bytes.truncate(usize::try_from(length).unwrap_or(usize::MAX));
+            let length = usize::try_from(length)
+                .unwrap_or(usize::MAX)
+                .min(bytes.len());
+            match &mut bytes {
+                Cow::Borrowed(all) => *all = &all[..length],
+                Cow::Owned(all) => all.truncate(length),
+            }
             buffers.push(bytes);
         }
-        Ok(Self { root, buffers })
+        Ok(Self {
+            root,
+            buffers,
+            hash,
+        })
     }
 
     /// The bytes of a buffer view, and their stride.
@@ -252,6 +268,11 @@ impl<'a> Buffers<'a> {
                 "accessor {i}: unknown type of its components or elements"
             ))),
         }
+    }
+
+    /// Elements of an accessor, as it claims.
+    pub fn count(&self, id: Index<accessor::Accessor>) -> Result<u64, Fault> {
+        Ok(self.accessor(id)?.0.count.0)
     }
 
     /// An accessor of `N` numbers per element; sparse values included.

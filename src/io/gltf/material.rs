@@ -8,7 +8,7 @@ use super::{Fault, Reader, hashed};
 use crate::bsdf::coated::Coat;
 use crate::io::image_file::{self, MAX_IMAGE_BYTES};
 use crate::material::{Coverage, LobeSpec, Material, NormalMap};
-use crate::medium::Medium;
+use crate::medium::{Medium, absorption_of};
 use crate::scene::description::AreaEmission;
 use crate::spectrum::{Curve, Emission, Ior, Library, upsample};
 use crate::texture::{Filter, Image, ImageTexture, ScalarTexture, SpectrumTexture, Wrap};
@@ -25,8 +25,6 @@ use std::sync::Arc;
 pub const PER_NIT: f64 = 1.0 / (683.0 * crate::spectrum::cie::N_Y);
 /// Range in which a Cauchy formula is taken to hold.
 const RANGE_NM: [f64; 2] = [100.0, 20_000.0];
-/// Absorption over the attenuation distance never leaves less than this.
-const LEAST_TRANSMITTANCE: f64 = 1e-6;
 
 /// Images decoded so far, by number and encoding.
 #[derive(Default)]
@@ -58,6 +56,11 @@ pub fn has_volume(source: &Source) -> bool {
 
 /// The set of texture coordinates that the material uses first.
 pub fn coordinate_set(source: &Source) -> u32 {
+    coordinate_sets(source).next().unwrap_or(0)
+}
+
+/// The sets of texture coordinates of the textures of a material.
+fn coordinate_sets(source: &Source) -> impl Iterator<Item = u32> {
     let pbr = &source.pbr_metallic_roughness;
     let of = |info: Option<&Info>| {
         info.map(|i| {
@@ -66,11 +69,14 @@ pub fn coordinate_set(source: &Source) -> u32 {
                 .unwrap_or(i.tex_coord)
         })
     };
-    of(pbr.base_color_texture.as_ref())
-        .or(source.normal_texture.as_ref().map(|n| n.tex_coord))
-        .or(of(pbr.metallic_roughness_texture.as_ref()))
-        .or(of(source.emissive_texture.as_ref()))
-        .unwrap_or(0)
+    [
+        of(pbr.base_color_texture.as_ref()),
+        source.normal_texture.as_ref().map(|n| n.tex_coord),
+        of(pbr.metallic_roughness_texture.as_ref()),
+        of(source.emissive_texture.as_ref()),
+    ]
+    .into_iter()
+    .flatten()
 }
 
 fn transform_of(info: &Info) -> Option<&TextureTransform> {
@@ -200,6 +206,12 @@ impl Reader<'_> {
         name: &str,
         closed: bool,
     ) -> Result<Converted, Fault> {
+        let set = coordinate_set(source);
+        if coordinate_sets(source).any(|other| other != set) {
+            self.note(format!(
+                "material \"{name}\": its textures use several sets of coordinates: all are taken from TEXCOORD_{set}"
+            ));
+        }
         let pbr = &source.pbr_metallic_roughness;
         let extensions = source.extensions.as_ref();
         for other in extensions.iter().flat_map(|e| e.others.keys()) {
@@ -476,7 +488,7 @@ impl Reader<'_> {
             }
             if distance.is_finite() && distance > 0.0 && color != [1.0; 3] {
                 let transmittance = upsample::reflectance(color.map(f64::from));
-                absorption = Some(coefficient(&transmittance, distance));
+                absorption = Some(absorption_of(&transmittance, distance, [360.0, 830.0]));
             }
         }
         Ok(Medium {
@@ -486,17 +498,6 @@ impl Reader<'_> {
             use_k: true,
         })
     }
-}
-
-/// The absorption coefficient in 1/m that leaves `transmittance` after `distance_m`.
-fn coefficient(transmittance: &Curve, distance_m: f64) -> Curve {
-    let at = |nm: f64| -transmittance.eval(nm).max(LEAST_TRANSMITTANCE).ln() / distance_m;
-    if let Curve::Constant(_) = transmittance {
-        return Curve::Constant(at(550.0));
-    }
-    let nm: Vec<f64> = (360..=830).map(f64::from).collect();
-    let values: Vec<f64> = nm.iter().map(|&nm| at(nm)).collect();
-    Curve::table(&nm, &values)
 }
 
 /// n = A + B/λ² (µm) with index `n_d` at 587.56 nm and Abbe number `v_d`.

@@ -3,14 +3,18 @@
 //! The crate's own walk over a file trusts its indices; here every index, range and count is checked as it is used, so that
 //! whatever the bytes, the result is a model or a [`Fault`]. Candela, lux and nit are photometric, shaped by D65.
 
+mod animation;
 mod buffers;
+mod deform;
+mod hierarchy;
 mod material;
+mod mesh;
 mod nodes;
 
-use super::model::Model;
+use super::model::{Model, Staging};
+use crate::geometry::Shutter;
 use crate::math::hash::combine;
 use buffers::Buffers;
-use glam::DAffine3;
 use gltf::json::Root;
 pub use material::PER_NIT;
 use std::collections::BTreeSet;
@@ -54,10 +58,13 @@ struct Reader<'a> {
     root: &'a Root,
     buffers: &'a Buffers<'a>,
     folder: &'a Path,
+    staging: &'a Staging,
     model: Model,
     /// Notes already in the model: each is said once.
     said: BTreeSet<String>,
     images: material::Images,
+    /// Places of vertices that were computed for morph targets and skins.
+    places: usize,
 }
 
 impl Reader<'_> {
@@ -68,21 +75,29 @@ impl Reader<'_> {
     }
 }
 
-/// Reads the bytes of a file whose URIs are relative to `folder`, placed by `to_world`.
+/// Reads the bytes of a file whose URIs are relative to `folder`, placed in space and time by `staging`.
 ///
 /// # Errors
 /// What is wrong, in words, without the file's name.
-pub fn read(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, String> {
-    parse(bytes, folder, to_world).map_err(|fault| fault.0)
+pub fn read(bytes: &[u8], folder: &Path, staging: &Staging) -> Result<Model, String> {
+    parse(bytes, folder, staging).map_err(|fault| fault.0)
 }
 
 /// Reads any bytes as a file without others beside it: must not panic.
 pub fn fuzz_gltf(bytes: &[u8]) {
+    let staging = Staging {
+        at_s: 0.25,
+        shutter: Shutter {
+            open_s: 0.0,
+            close_s: 0.5,
+        },
+        ..Staging::default()
+    };
     // the outcome does not matter
-    _ = read(bytes, Path::new("/nonexistent"), DAffine3::IDENTITY);
+    _ = read(bytes, Path::new("/nonexistent"), &staging);
 }
 
-fn parse(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, Fault> {
+fn parse(bytes: &[u8], folder: &Path, staging: &Staging) -> Result<Model, Fault> {
     let (json, chunk) = container(bytes)?;
     let root = Root::from_slice(json).map_err(|e| Fault::new(format!("not glTF: {e}")))?;
     let lacking: Vec<&str> = root
@@ -109,22 +124,21 @@ fn parse(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, Fault
         root: &root,
         buffers: &buffers,
         folder,
-        model: Model::default(),
+        staging,
+        model: Model {
+            hash: buffers.hash,
+            ..Model::default()
+        },
         said: BTreeSet::new(),
         images: material::Images::default(),
+        places: 0,
     };
     for extension in &root.extensions_used {
         if !UNDERSTOOD.contains(&extension.as_str()) {
             reader.note(format!("extension {extension} is not understood: ignored"));
         }
     }
-    if !root.animations.is_empty() {
-        reader.note(format!(
-            "{} animations are not read: everything is at rest",
-            root.animations.len()
-        ));
-    }
-    reader.scene(to_world)?;
+    reader.scene()?;
     Ok(reader.model)
 }
 

@@ -1,8 +1,13 @@
 //! The node hierarchy of a glTF file: meshes, lights and cameras with their places in the world.
 
+use super::animation::AllMoves;
+use super::deform::{self, Deformation};
+use super::hierarchy::{Hierarchy, Place};
 use super::material::{Converted, PER_NIT, coordinate_set, has_volume};
+use super::mesh::Arrays;
 use super::{Fault, MAX_TRIANGLES, Reader};
-use crate::geometry::{Mesh, Shape, Transform};
+use crate::geometry::deforming::DeformingError;
+use crate::geometry::{Mesh, MeshError, Shape, Shutter, Transform};
 use crate::io::model::{ModelCamera, Projection};
 use crate::light::Light;
 use crate::light::directional::DirectionalLight;
@@ -16,18 +21,19 @@ use glam::{DAffine3, DMat4, DQuat, DVec3};
 use gltf::json::camera::Camera;
 use gltf::json::extensions::scene::khr_lights_punctual::{Light as Punctual, Type as LightType};
 use gltf::json::material::Material as Source;
-use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// Largest coordinate of a placement.
 const LARGEST: f64 = 1e30;
 
 /// All primitives of one material of a mesh.
+#[derive(Clone)]
 struct Part {
-    mesh: Arc<Mesh>,
+    shape: Shape,
     material: MaterialId,
     boundary: Boundary,
     emission: Option<AreaEmission>,
@@ -36,27 +42,24 @@ struct Part {
 /// A material in the model: its id, what it emits, and the medium that fills its meshes.
 type Known = (MaterialId, Option<AreaEmission>, Option<MediumId>);
 
+/// The arrays of a mesh by material.
+type ByMaterial = Vec<(Option<usize>, Arrays)>;
+
 /// What has been made of meshes and materials so far.
 #[derive(Default)]
 struct Made {
+    /// Of meshes as they are in the file.
     parts: BTreeMap<usize, Vec<Part>>,
+    /// Of meshes that are deformed, differently for each of their nodes.
+    arrays: BTreeMap<usize, Rc<ByMaterial>>,
     /// By material (`None`: the default one) and whether it fills a solid.
     materials: BTreeMap<(Option<usize>, bool), Known>,
     triangles: usize,
 }
 
-/// The arrays of a mesh while its primitives are joined.
-#[derive(Default)]
-struct Arrays {
-    positions: Vec<[f32; 3]>,
-    normals: Option<Vec<[f32; 3]>>,
-    uvs: Option<Vec<[f32; 2]>>,
-    triangles: Vec<[u32; 3]>,
-}
-
 impl Reader<'_> {
     /// Reads the default scene (the first one, or all roots where there is none).
-    pub fn scene(&mut self, to_world: DAffine3) -> Result<(), Fault> {
+    pub fn scene(&mut self) -> Result<(), Fault> {
         let root = self.root;
         let chosen = root.scene.map_or(0, |s| s.value());
         let roots: Vec<usize> = match root.scenes.get(chosen) {
@@ -78,26 +81,11 @@ impl Reader<'_> {
                 root.scenes.len()
             ));
         }
+        let moves = self.moves()?;
+        let hierarchy = Hierarchy::read(self, &roots, &moves)?;
         let mut made = Made::default();
-        let mut seen = vec![false; root.nodes.len()];
-        let mut open: Vec<(usize, DAffine3)> =
-            roots.into_iter().rev().map(|n| (n, to_world)).collect();
-        while let Some((i, parent)) = open.pop() {
-            let node = root.nodes.get(i).ok_or_else(|| Fault::missing("node", i))?;
-            if std::mem::replace(&mut seen[i], true) {
-                return Err(Fault::new(format!(
-                    "node {i} is reached twice: the hierarchy is no tree"
-                )));
-            }
-            let world = parent * local(node, i)?;
-            if !finite(&world) {
-                return Err(Fault::new(format!(
-                    "the transform of node {i} is not finite"
-                )));
-            }
-            self.node(node, i, world, &mut made)?;
-            let children = node.children.iter().flatten().rev();
-            open.extend(children.map(|c| (c.value(), world)));
+        for &i in &hierarchy.order {
+            self.node(i, &hierarchy, &moves, &mut made)?;
         }
         if self.model.objects.is_empty() {
             return Err(Fault::new("the scene has no triangles"));
@@ -107,17 +95,25 @@ impl Reader<'_> {
 
     fn node(
         &mut self,
-        node: &Node,
         i: usize,
-        world: DAffine3,
+        hierarchy: &Hierarchy,
+        moves: &AllMoves,
         made: &mut Made,
     ) -> Result<(), Fault> {
+        let node = &self.root.nodes[i];
+        let Some(place) = hierarchy.place(i) else {
+            return Ok(());
+        };
         let name = node.name.clone().unwrap_or_else(|| format!("node {i}"));
         if let Some(mesh) = node.mesh {
-            if node.skin.is_some() {
-                self.note("skins are not read: meshes keep their rest pose".into());
+            let weights = moves.get(&i).and_then(|m| m.weights.as_ref());
+            match self.deformation(node, i, weights, hierarchy)? {
+                None => self.mesh(mesh.value(), &name, place, hierarchy, made)?,
+                Some(deformation) => {
+                    let at = (mesh.value(), place);
+                    self.deformed_mesh(at, &name, &deformation, hierarchy, made)?;
+                }
             }
-            self.mesh(mesh.value(), &name, world, made)?;
         }
         if let Some(camera) = node.camera {
             let source = self
@@ -128,7 +124,7 @@ impl Reader<'_> {
             if let Some(projection) = projection(source) {
                 self.model.cameras.push(ModelCamera {
                     name: source.name.clone().unwrap_or(name.clone()),
-                    to_world: rigid(&world),
+                    transform: camera_transform(place, hierarchy, self.staging.shutter),
                     projection,
                 });
             } else {
@@ -153,12 +149,18 @@ impl Reader<'_> {
             let source = lights
                 .and_then(|l| l.lights.get(index))
                 .ok_or_else(|| Fault::missing("light", index))?;
-            self.light(source, &name, world)?;
+            self.light(source, &name, place, hierarchy)?;
         }
         Ok(())
     }
 
-    fn light(&mut self, source: &Punctual, name: &str, world: DAffine3) -> Result<(), Fault> {
+    fn light(
+        &mut self,
+        source: &Punctual,
+        name: &str,
+        place: Place,
+        hierarchy: &Hierarchy,
+    ) -> Result<(), Fault> {
         let values = source.color.iter().chain([&source.intensity]);
         if !values.clone().all(|v| v.is_finite() && *v >= 0.0) {
             return Err(Fault::new(format!(
@@ -167,6 +169,12 @@ impl Reader<'_> {
         }
         let scale = f64::from(source.intensity) * PER_NIT;
         let emission = Emission::from_rgb(source.color.map(|c| f64::from(c) * scale));
+        let links = hierarchy.rigid_links(place);
+        // what moves is made where its own space is that of its node
+        let world = match links {
+            None => hierarchy.opening(place),
+            Some(_) => DAffine3::IDENTITY,
+        };
         let position = world.translation;
         let Some(direction) = (-world.matrix3.z_axis).try_normalize() else {
             return Err(Fault::new(format!("light \"{name}\" has no direction")));
@@ -197,28 +205,96 @@ impl Reader<'_> {
         };
         self.model.lights.push(LightDescription {
             name: name.to_owned(),
-            light,
+            light: match links {
+                None => light,
+                Some(links) => light.under(&links, self.staging.shutter),
+            },
         });
         Ok(())
     }
 
-    /// Adds the objects of a mesh.
+    /// Adds the objects of a mesh as it is in the file.
     fn mesh(
         &mut self,
         index: usize,
         name: &str,
-        world: DAffine3,
+        place: Place,
+        hierarchy: &Hierarchy,
         made: &mut Made,
     ) -> Result<(), Fault> {
-        if world.matrix3.determinant().abs() < f64::MIN_POSITIVE {
+        let Some(transform) = hierarchy.transform(place) else {
             self.note(format!("\"{name}\" is scaled to nothing: ignored"));
             return Ok(());
-        }
+        };
         if !made.parts.contains_key(&index) {
-            let parts = self.parts(index, made)?;
+            let mut parts = Vec::new();
+            for (id, arrays) in self.arrays(index, made)? {
+                let (given, has_uvs) = (arrays.triangles.len(), arrays.uvs.is_some());
+                let mesh = Mesh::new(
+                    &arrays.positions,
+                    arrays.normals,
+                    arrays.uvs,
+                    arrays.triangles,
+                );
+                let shape = mesh.map(|mesh| Shape::Mesh(Arc::new(mesh)));
+                parts.extend(self.part(index, id, shape, (given, has_uvs), made)?);
+            }
             made.parts.insert(index, parts);
         }
-        let parts = &made.parts[&index];
+        self.place(&made.parts[&index], name, &transform);
+        Ok(())
+    }
+
+    /// Adds the objects of a mesh with morph targets or a skin.
+    fn deformed_mesh(
+        &mut self,
+        (index, place): (usize, Place),
+        name: &str,
+        deformation: &Deformation,
+        hierarchy: &Hierarchy,
+        made: &mut Made,
+    ) -> Result<(), Fault> {
+        if !made.arrays.contains_key(&index) {
+            let arrays = Rc::new(self.arrays(index, made)?);
+            made.arrays.insert(index, arrays);
+        }
+        let all = made.arrays[&index].clone();
+        let what = format!("mesh {index}");
+        let mut parts = Vec::new();
+        for (id, arrays) in all.iter() {
+            let frames = self.deformed(arrays, deformation, hierarchy, &what)?;
+            let shape = deform::shape(&frames, arrays, self.staging.shutter);
+            let shape = match shape {
+                Ok(shape) => Ok(shape),
+                Err(DeformingError::Mesh { source, .. }) => Err(source),
+                Err(error) => return Err(Fault::new(format!("{what}: {error}"))),
+            };
+            let given = (arrays.triangles.len(), arrays.uvs.is_some());
+            let skinned = deformation.skin.is_some() && !arrays.joints.is_empty();
+            if deformation.skin.is_some() && !skinned {
+                self.note(format!("{what} has a skin but no JOINTS_0 and WEIGHTS_0"));
+            }
+            parts.extend(
+                self.part(index, *id, shape, given, made)?
+                    .map(|p| (p, skinned)),
+            );
+        }
+        for (part, skinned) in parts {
+            // joints take the vertices along: where the node itself is does not matter
+            let transform = if skinned {
+                Some(Transform::fixed(self.staging.to_world))
+            } else {
+                hierarchy.transform(place)
+            };
+            match transform {
+                Some(transform) => self.place(&[part], name, &transform),
+                None => self.note(format!("\"{name}\" is scaled to nothing: ignored")),
+            }
+        }
+        Ok(())
+    }
+
+    fn place(&mut self, parts: &[Part], name: &str, transform: &Transform) {
         for (i, part) in parts.iter().enumerate() {
             self.model.objects.push(ObjectDescription {
                 name: if parts.len() == 1 {
@@ -226,18 +302,17 @@ impl Reader<'_> {
                 } else {
                     format!("{name}, part {i}")
                 },
-                shape: Shape::Mesh(part.mesh.clone()),
-                transform: Transform::fixed(world),
+                shape: part.shape.clone(),
+                transform: transform.clone(),
                 material: part.material,
                 boundary: part.boundary,
                 emission: part.emission.clone(),
             });
         }
-        Ok(())
     }
 
-    /// The parts of a mesh: primitives of one material are one mesh, so that a solid may be made of several.
-    fn parts(&mut self, index: usize, made: &mut Made) -> Result<Vec<Part>, Fault> {
+    /// The arrays of a mesh: primitives of one material are one, so that a solid may be made of several.
+    fn arrays(&mut self, index: usize, made: &mut Made) -> Result<ByMaterial, Fault> {
         let root = self.root;
         let mesh = root
             .meshes
@@ -266,49 +341,51 @@ impl Reader<'_> {
                 }
             });
         }
-        let mut parts = Vec::new();
-        for (id, arrays) in by_material {
-            let Some(arrays) = arrays else { continue };
-            let what = mesh.name.clone().unwrap_or_else(|| format!("mesh {index}"));
-            let has_uvs = arrays.uvs.is_some();
-            let given = arrays.triangles.len();
-            let mesh = match Mesh::new(
-                &arrays.positions,
-                arrays.normals,
-                arrays.uvs,
-                arrays.triangles,
-            ) {
-                Ok(mesh) => mesh,
-                Err(crate::geometry::MeshError::Empty { .. }) => {
-                    self.note(format!(
-                        "\"{what}\": none of {given} triangles has an area: ignored"
-                    ));
-                    continue;
-                }
-                Err(error) => return Err(Fault::new(format!("\"{what}\": {error}"))),
-            };
-            let source = self.source(id)?;
-            let solid = has_volume(&source) && mesh.is_closed();
-            let (material, emission, medium) = self.converted(id, &source, solid, made)?;
-            let mut images = Vec::new();
-            self.model.materials[material.0 as usize].append_images(&mut images);
-            if !has_uvs && !images.is_empty() {
+        let some = |(id, arrays): (_, Option<Arrays>)| Some((id, arrays?));
+        Ok(by_material.into_iter().filter_map(some).collect())
+    }
+
+    /// A shape with its material; `None` if it has no area. `given`: its triangles, and whether it has texture coordinates.
+    fn part(
+        &mut self,
+        index: usize,
+        id: Option<usize>,
+        shape: Result<Shape, MeshError>,
+        (given, has_uvs): (usize, bool),
+        made: &mut Made,
+    ) -> Result<Option<Part>, Fault> {
+        let name = &self.root.meshes[index].name;
+        let what = name.clone().unwrap_or_else(|| format!("mesh {index}"));
+        let shape = match shape {
+            Ok(shape) => shape,
+            Err(MeshError::Empty { .. }) => {
                 self.note(format!(
-                    "\"{what}\" has textures but no texture coordinates"
+                    "\"{what}\": none of {given} triangles has an area: ignored"
                 ));
+                return Ok(None);
             }
-            let boundary = medium.map_or(Boundary::None, |medium| Boundary::Solid {
-                medium,
-                priority: 0,
-            });
-            parts.push(Part {
-                mesh: Arc::new(mesh),
-                material,
-                boundary,
-                emission,
-            });
+            Err(error) => return Err(Fault::new(format!("\"{what}\": {error}"))),
+        };
+        let source = self.source(id)?;
+        let solid = has_volume(&source) && shape.is_closed();
+        let (material, emission, medium) = self.converted(id, &source, solid, made)?;
+        let mut images = Vec::new();
+        self.model.materials[material.0 as usize].append_images(&mut images);
+        if !has_uvs && !images.is_empty() {
+            self.note(format!(
+                "\"{what}\" has textures but no texture coordinates"
+            ));
         }
-        Ok(parts)
+        let boundary = medium.map_or(Boundary::None, |medium| Boundary::Solid {
+            medium,
+            priority: 0,
+        });
+        Ok(Some(Part {
+            shape,
+            material,
+            boundary,
+            emission,
+        }))
     }
 
     fn source(&self, id: Option<usize>) -> Result<Source, Fault> {
@@ -356,123 +433,10 @@ impl Reader<'_> {
         made.materials.insert((id, solid), new.clone());
         Ok(new)
     }
-
-    /// `None` for points and lines.
-    fn primitive(
-        &mut self,
-        primitive: &Primitive,
-        set: u32,
-        what: &str,
-    ) -> Result<Option<Arrays>, Fault> {
-        let Checked::Valid(mode) = primitive.mode else {
-            return Err(Fault::new(format!("{what}: unknown mode")));
-        };
-        if !matches!(
-            mode,
-            Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
-        ) {
-            self.note(format!("{what} is made of points or lines: ignored"));
-            return Ok(None);
-        }
-        if let Some(extensions) = &primitive.extensions
-            && let Some(name) = extensions
-                .others
-                .keys()
-                .find(|k| *k != "KHR_materials_variants")
-        {
-            self.note(format!("{what}: {name} is not understood: ignored"));
-        }
-        if primitive.targets.as_ref().is_some_and(|t| !t.is_empty()) {
-            self.note("morph targets are not read: meshes keep their rest shape".into());
-        }
-        let find =
-            |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
-        let Some(positions) = find(Semantic::Positions) else {
-            return Err(Fault::new(format!("{what} has no POSITION")));
-        };
-        if find(Semantic::Colors(0)).is_some() {
-            self.note("vertex colors are not read".into());
-        }
-        let positions = self.buffers.vectors::<3>(positions)?;
-        let normals = match find(Semantic::Normals) {
-            None => None,
-            Some(id) => Some(self.buffers.vectors::<3>(id)?),
-        };
-        let uvs = match find(Semantic::TexCoords(set)) {
-            None => None,
-            Some(id) => Some(self.buffers.vectors::<2>(id)?),
-        };
-        let indices = match primitive.indices {
-            Some(id) => self.buffers.indices(id)?,
-            None => (0..u32::try_from(positions.len()).unwrap_or(u32::MAX)).collect(),
-        };
-        for (array, length) in [
-            ("NORMAL", normals.as_ref().map(Vec::len)),
-            ("TEXCOORD", uvs.as_ref().map(Vec::len)),
-        ] {
-            if length.is_some_and(|n| n != positions.len()) {
-                return Err(Fault::new(format!(
-                    "{what}: {array} has {} entries for {} positions",
-                    length.unwrap_or(0),
-                    positions.len()
-                )));
-            }
-        }
-        if let Some(bad) = indices.iter().find(|&&v| v as usize >= positions.len()) {
-            return Err(Fault::new(format!(
-                "{what}: index {bad} of {} positions",
-                positions.len()
-            )));
-        }
-        let triangles = match mode {
-            Mode::TriangleStrip => indices
-                .windows(3)
-                .enumerate()
-                .map(|(i, w)| {
-                    if i % 2 == 0 {
-                        [w[0], w[1], w[2]]
-                    } else {
-                        [w[1], w[0], w[2]]
-                    }
-                })
-                .collect(),
-            Mode::TriangleFan => indices
-                .get(1..)
-                .unwrap_or_default()
-                .windows(2)
-                .map(|w| [indices[0], w[0], w[1]])
-                .collect(),
-            _ => indices.as_chunks::<3>().0.to_vec(),
-        };
-        Ok(Some(Arrays {
-            positions,
-            normals,
-            uvs,
-            triangles,
-        }))
-    }
-}
-
-impl Arrays {
-    /// Joins another primitive; what only one of them has is dropped.
-    fn append(&mut self, other: Self) {
-        let first = self.positions.len() as u32;
-        self.positions.extend(other.positions);
-        self.normals = both(self.normals.take(), other.normals);
-        self.uvs = both(self.uvs.take(), other.uvs);
-        let shifted = other.triangles.iter().map(|t| t.map(|v| v + first));
-        self.triangles.extend(shifted);
-    }
-}
-
-fn both<T>(a: Option<Vec<T>>, b: Option<Vec<T>>) -> Option<Vec<T>> {
-    let (mut a, b) = (a?, b?);
-    a.extend(b);
-    Some(a)
 }
 
 /// The placement of a node in its parent.
-fn local(node: &Node, i: usize) -> Result<DAffine3, Fault> {
+pub(super) fn local(node: &Node, i: usize) -> Result<DAffine3, Fault> {
     let map = match &node.matrix {
         Some(matrix) => DAffine3::from_mat4(DMat4::from_cols_array(&matrix.map(f64::from))),
         None => {
@@ -504,12 +468,12 @@ fn local(node: &Node, i: usize) -> Result<DAffine3, Fault> {
     }
 }
 
-fn finite(map: &DAffine3) -> bool {
+pub(super) fn finite(map: &DAffine3) -> bool {
     map.to_cols_array().iter().all(|v| v.abs() <= LARGEST)
 }
 
 /// The nearest rigid motion: cameras do not scale what they see.
-fn rigid(world: &DAffine3) -> DAffine3 {
+pub(super) fn rigid(world: &DAffine3) -> DAffine3 {
     let back = world.matrix3.z_axis.normalize_or(DVec3::Z);
     let up = world.matrix3.y_axis;
     let right = up
@@ -519,6 +483,14 @@ fn rigid(world: &DAffine3) -> DAffine3 {
     DAffine3 {
         matrix3: glam::DMat3::from_cols(right, back.cross(right), back),
         translation: world.translation,
+    }
+}
+
+/// Where a camera is over the shutter.
+fn camera_transform(place: Place, hierarchy: &Hierarchy, shutter: Shutter) -> Transform {
+    match hierarchy.rigid_links(place) {
+        None => Transform::fixed(rigid(&hierarchy.opening(place))),
+        Some(links) => Transform::chain(&links, shutter),
     }
 }
 

@@ -154,6 +154,10 @@ fn set<'s>(
     let (first, rest) = steps
         .split_first()
         .expect("invariant: split yields at least one part");
+    let is_index = |s: &&str| s.parse::<usize>().is_ok();
+    if rest.first().is_some_and(is_index) && document.get(*first).is_none() {
+        return Err(no_list(document, first));
+    }
     entry(document, first, new_table());
     let mut at = document.get_mut(*first).expect("invariant: just inserted");
     for step in rest {
@@ -184,6 +188,23 @@ fn set<'s>(
     }
     *at = value;
     Ok(())
+}
+
+/// An index into a list that the file does not have.
+fn no_list(document: &DeTable<'_>, name: &str) -> Problem {
+    let lists: Vec<String> = document
+        .iter()
+        .filter(|(_, value)| value.get_ref().is_array())
+        .map(|(key, _)| key.get_ref().to_string())
+        .collect();
+    let lists = if lists.is_empty() {
+        "none".to_owned()
+    } else {
+        lists.join(", ")
+    };
+    Problem::Form(format!(
+        "there is no list \"{name}\" to index (lists there are: {lists})"
+    ))
 }
 
 /// One step from the document's root to a value.

@@ -40,6 +40,14 @@ pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, Problem> {
     Ok(path)
 }
 
+/// The bytes of the file `name` in `folder`, as [`find`] finds it.
+pub fn read(folder: &Path, name: &str, limit: u64) -> Result<Vec<u8>, Problem> {
+    std::fs::read(find(folder, name, limit)?).map_err(|e| Problem::BadFile {
+        path: name.to_owned(),
+        message: e.to_string(),
+    })
+}
+
 /// Rows of 2 to `N` numbers separated by commas, semicolons, tabs or blanks; missing columns are 0. Empty lines, `#`
 /// comments and one header line without numbers are passed over. The first column (nm) must ascend.
 pub fn read_csv<const N: usize>(path: &Path, name: &str) -> Result<Vec<[f64; N]>, Problem> {

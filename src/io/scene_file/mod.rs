@@ -15,6 +15,7 @@ mod schema;
 pub use error::{Place, Problem, SceneFileError, SceneFileErrors};
 pub use schema::OutputUnits;
 
+use crate::io::atomic::folder;
 use crate::io::convert::shortest_scene;
 use crate::io::model::ModelKind;
 use crate::math::hash::combine;
@@ -25,7 +26,7 @@ use document::Source;
 use plan::Plan;
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A scene file, read.
 #[derive(Clone, Debug)]
@@ -66,11 +67,7 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedScene, 
             read_scene_text(path).map_err(|problem| SceneFileErrors::whole_file(&name, problem))?
         }
     };
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
-        _ => PathBuf::from("."),
-    };
-    finish(check_str(&text, &name, &folder, overrides)?)
+    finish(check_str(&text, &name, folder(path), overrides)?)
 }
 
 /// Reads a scene from text; files it names are looked for in `folder`.

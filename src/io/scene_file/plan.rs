@@ -3,7 +3,7 @@
 
 use super::schema::{FilterName, OutputUnits};
 use crate::geometry::{Link, Shutter};
-use crate::io::model::ModelKind;
+use crate::io::model::{ModelKind, Staging};
 use crate::medium::Boundary;
 use crate::scene::description::WavelengthSettings;
 use crate::scene::settings::Settings;
@@ -156,8 +156,8 @@ pub struct ModelPlan {
     pub at: Span,
     /// Its kind.
     pub kind: ModelKind,
-    /// To the world, metres.
-    pub to_world: DAffine3,
+    /// Where and when it is shown; over the shutters of its own cameras.
+    pub staging: Staging,
     /// Columns and rows of its cameras.
     pub resolution: [u32; 2],
     /// Filter of its cameras and the filter's radius in pixels; `None`: the default.

@@ -26,7 +26,7 @@ use crate::light::environment::EnvironmentLight;
 use crate::light::point::PointLight;
 use crate::light::spot::SpotLight;
 use crate::material::MaterialId;
-use crate::medium::{Boundary, Medium, MediumId};
+use crate::medium::{Boundary, Medium, MediumId, absorption_of};
 use crate::scene::description::{
     AreaEmission, LightDescription, ObjectDescription, SceneDescription, SensorDescription,
 };
@@ -59,12 +59,7 @@ pub fn resolve(
             .map(MaterialPlan::texture_at)
             .collect(),
         notes: Vec::new(),
-        shutter: plan
-            .sensors
-            .iter()
-            .map(|sensor| sensor.shutter)
-            .reduce(Shutter::union)
-            .unwrap_or_default(),
+        shutter: shutter(plan),
         errors: Vec::new(),
     };
     let description = resolver.scene(plan, hash);
@@ -72,6 +67,16 @@ pub fn resolve(
         None => Ok((description, resolver.notes)),
         Some(errors) => Err(errors),
     }
+}
+
+/// From the first sensor to open to the last to close; the cameras of models are sensors where there are no others.
+fn shutter(plan: &Plan) -> Shutter {
+    let sensors = plan.sensors.iter().map(|sensor| sensor.shutter);
+    let models = plan.models.iter().map(|model| model.staging.shutter);
+    sensors
+        .reduce(Shutter::union)
+        .or_else(|| models.reduce(Shutter::union))
+        .unwrap_or_default()
 }
 
 /// Looks names up, and collects what is wrong: every function returns a stand-in then.
@@ -282,7 +287,7 @@ impl Resolver<'_> {
             AbsorptionPlan::Coefficient(plan) => self.curve(plan),
             AbsorptionPlan::Color { color, distance_m } => {
                 let transmittance = self.reflectance(color);
-                coefficient_of(&transmittance, *distance_m, self.range_nm)
+                absorption_of(&transmittance, *distance_m, self.range_nm)
             }
         });
         Medium {
@@ -341,22 +346,21 @@ impl Resolver<'_> {
             ShapePlan::Box => Shape::Box,
             ShapePlan::Mesh(index) => meshes.get(index)?.clone()?,
         };
-        if let (Some(at), Boundary::Solid { .. }, false) =
-            (&plan.interior_at, plan.boundary, shape.is_closed())
+        if let (Some(at), Boundary::Solid { .. }) = (&plan.interior_at, plan.boundary)
+            && !shape.is_closed()
         {
             let message = "the mesh is not closed, so it has no interior (every edge needs two triangles that run \
                            through it in opposite directions)";
             self.error(at, Problem::Conflict(message.to_owned()));
         }
         if let Some(at) = self.textured_at(plan) {
-            let message = match &shape {
-                Shape::Mesh(mesh) if !mesh.has_texture_coordinates() => {
-                    Some("a texture on a mesh without texture coordinates")
-                }
-                Shape::Deforming(_) => Some("a texture on a mesh that changes its form"),
-                _ => None,
+            let has_coordinates = match &shape {
+                Shape::Mesh(mesh) => mesh.has_texture_coordinates(),
+                Shape::Deforming(mesh) => mesh.has_texture_coordinates(),
+                _ => true,
             };
-            if let Some(message) = message {
+            if !has_coordinates {
+                let message = "a texture on a mesh without texture coordinates";
                 self.error(&at, Problem::Conflict(message.to_owned()));
             }
         }
@@ -476,21 +480,6 @@ impl Resolver<'_> {
 fn table(rows: &[[f64; 2]]) -> Curve {
     let nm: Vec<f64> = rows.iter().map(|r| r[0]).collect();
     let values: Vec<f64> = rows.iter().map(|r| r[1]).collect();
-    Curve::table(&nm, &values)
-}
-
-/// The absorption coefficient in 1/m that leaves `transmittance` after `distance_m`, at every nanometre of the range.
-fn coefficient_of(transmittance: &Curve, distance_m: f64, [low, high]: [f64; 2]) -> Curve {
-    // what lets nothing through over the distance lets 1e-6 through, so that coefficients stay finite
-    let coefficient = |nm: f64| -transmittance.eval(nm).max(1e-6).ln() / distance_m;
-    if let Curve::Constant(_) = transmittance {
-        return Curve::Constant(coefficient(low));
-    }
-    let steps = (high - low).ceil().max(1.0) as usize;
-    let nm: Vec<f64> = (0..=steps)
-        .map(|i| low + (high - low) * i as f64 / steps as f64)
-        .collect();
-    let values: Vec<f64> = nm.iter().map(|&nm| coefficient(nm)).collect();
     Curve::table(&nm, &values)
 }
 

@@ -47,9 +47,11 @@ impl Joiner<'_> {
             return;
         }
         for &id in &self.context.scene.environments {
-            let radiance = self
-                .light(id)
-                .escaped_radiance(escape.direction, &self.context.wavelengths);
+            let radiance = self.light(id).escaped_radiance(
+                escape.direction,
+                self.context.time,
+                &self.context.wavelengths,
+            );
             if radiance.is_black(self.context.count()) {
                 continue;
             }

@@ -3,7 +3,7 @@
 use super::{Joiner, densities};
 use crate::bsdf::BsdfEval;
 use crate::scene::settings::IntegratorKind;
-use crate::spectrum::{MAX_LANES, SampledSpectrum};
+use crate::spectrum::MAX_LANES;
 use crate::transport::class::PathClass;
 use crate::transport::context::Counters;
 use crate::transport::contribution::{Contribution, Target};
@@ -17,12 +17,26 @@ use crate::transport::subpath::Subpath;
 pub struct Photons<'a> {
     /// The map.
     pub map: &'a PhotonMap,
-    /// Whether the sub-path of this number is one to be merged with.
-    pub accepts: &'a dyn Fn(u32) -> bool,
+    /// Whether the sub-path of this number is one to be merged with; `None`: all are.
+    pub accepts: Option<&'a dyn Fn(u32) -> bool>,
     /// Traces the sub-path of this number again.
     pub retrace: &'a dyn Fn(u32, &mut Subpath, &mut Counters),
     /// Where to.
     pub retraced: &'a mut Subpath,
+}
+
+/// What camera vertex `j` gathered, of light sub-paths of any length.
+fn merged(lanes: [f64; MAX_LANES], j: usize) -> Contribution {
+    Contribution {
+        target: Target::OwnPixel,
+        lanes,
+        raw: [0.0; MAX_LANES],
+        s: 0,
+        t: j as u32 + 2,
+        regularized: 0,
+        merged: true,
+        class: PathClass::new(),
+    }
 }
 
 impl Joiner<'_> {
@@ -47,11 +61,14 @@ impl Joiner<'_> {
         let count = self.context.count();
         let w_camera = vertex.frame.to_local(vertex.toward_previous);
         let (map, accepts) = (photons.map, photons.accepts);
-        let mut sum: Option<Contribution> = None;
-        map.for_each_near(vertex.point.p, |photon, weight| {
+        let (mut found, mut sum) = (false, [0.0; MAX_LANES]);
+        map.for_each_near(vertex.point.p, |photon| {
             let depth = photon.depth();
+            if depth + 1 + j > self.max_depth || !accepts.is_none_or(|f| f(photon.path())) {
+                return;
+            }
             let w = photon.toward_previous();
-            if depth + 1 + j > self.max_depth || !accepts(photon.path()) || !vertex.sides_agree(w) {
+            if !vertex.sides_agree(w) {
                 return;
             }
             self.counters.photons_found += 1;
@@ -59,72 +76,61 @@ impl Joiner<'_> {
             if eval.g.is_black(count) {
                 return;
             }
+            let terms = photon.terms();
             let factors = if whole || photon.has_columns() || eval.columns.is_some() {
                 (photons.retrace)(photon.path(), photons.retraced, self.counters);
                 self.whole_path_factors(photons.retraced, depth, (camera, j), &eval)
             } else {
                 let toward = (eval.pdf_light, eval.pdf_camera);
                 let (own, waves) = (self.techniques, &self.context.wavelengths);
-                merge_factors(&photon.terms(), &sensor, toward, own, waves)
+                merge_factors(&terms, &sensor, toward, own, waves)
             };
-            let numerator = vertex.throughput.lanes * *weight * eval.g;
             let scale = vertex.throughput.scale * vertex.light_side_correction(w);
-            let mut lanes = [0.0; MAX_LANES];
-            for (k, lane) in lanes.iter_mut().enumerate().take(count) {
-                *lane = scale * f64::from(numerator[k]) * factors[k];
+            let (mut values, mut lanes) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
+            for (k, weight) in photon.weight().enumerate() {
+                let numerator = vertex.throughput.lanes[k] * weight * eval.g[k];
+                values[k] = scale * f64::from(numerator);
+                lanes[k] = values[k] * factors[k];
             }
             if !lanes.iter().all(|v| v.is_finite()) {
                 self.counters.non_finite += 1;
                 return;
             }
-            let whole_set = !sensor.dispersive && !photon.terms().dispersive;
-            let contribution = Contribution {
-                target: Target::OwnPixel,
-                lanes,
-                raw: self.raw_merge(scale, &numerator, whole_set),
-                s: depth as u32 + 2,
-                t: j as u32 + 2,
-                regularized: 0,
-                merged: true,
-                class: PathClass::new(),
-            };
             if self.detailed {
                 let mut class = photon.class();
                 class.push(false);
                 (0..j).rev().for_each(|i| class.push(specular(i)));
+                let whole_set = !sensor.dispersive && !terms.dispersive;
                 self.out.push(Contribution {
+                    raw: self.raw_merge(&values, whole_set),
+                    s: depth as u32 + 2,
                     class,
-                    ..contribution
+                    ..merged(lanes, j)
                 });
-            } else if let Some(sum) = &mut sum {
-                for (total, lane) in sum.lanes.iter_mut().zip(lanes) {
+            } else {
+                found = true;
+                for (total, lane) in sum.iter_mut().zip(lanes) {
                     *total += lane;
                 }
-            } else {
-                sum = Some(contribution);
             }
         });
-        self.out.extend(sum);
+        if found {
+            self.out.push(merged(sum, j));
+        }
     }
 
     /// What merging alone would estimate.
-    fn raw_merge(
-        &self,
-        scale: f64,
-        numerator: &SampledSpectrum,
-        whole_set: bool,
-    ) -> [f64; MAX_LANES] {
+    fn raw_merge(&self, values: &[f64; MAX_LANES], whole_set: bool) -> [f64; MAX_LANES] {
         let mut raw = [0.0; MAX_LANES];
         if self.with_raw {
             let count = self.context.count();
-            for (k, value) in raw.iter_mut().enumerate().take(count) {
+            for (k, raw) in raw.iter_mut().enumerate().take(count) {
                 let techniques = if whole_set {
                     count
                 } else {
                     self.context.wavelengths.multiplicity(k)
                 };
-                *value =
-                    scale * f64::from(numerator[k]) / (self.techniques.merging * techniques as f64);
+                *raw = values[k] / (self.techniques.merging * techniques as f64);
             }
         }
         raw

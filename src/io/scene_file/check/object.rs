@@ -10,10 +10,11 @@ use super::super::schema::{
     TransformStep,
 };
 use super::motion::May;
+use super::sensor::{DEFAULT_RESOLUTION, FILTER_RADIUS};
 use super::spectrum::Use;
 use super::{Allowed, Checker, FINITE, NON_NEGATIVE, POSITIVE, label};
 use crate::io::image_file::MAX_IMAGE_BYTES;
-use crate::io::model::{MAX_MODEL_BYTES, ModelKind};
+use crate::io::model::{MAX_MODEL_BYTES, ModelKind, Staging};
 use crate::medium::{Boundary, MediumId};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
@@ -109,23 +110,34 @@ impl Checker<'_> {
                 "the model has no volume after its transform (allowed: an invertible transform)",
             );
         }
-        let resolution = m.resolution.as_ref().map_or([640, 480], |r| {
-            let [w, h] = *r.get_ref();
-            let side = |c: &mut Self, v: i64| {
-                c.integer("resolution", &At::new(r.span(), v), 1, 16384, "1 to 16384") as u32
-            };
-            [side(self, w), side(self, h)]
-        });
+        for (key, at) in [
+            ("at", m.at.as_ref().map(At::span)),
+            ("animation", m.animation.as_ref().map(At::span)),
+        ] {
+            if let (Some(at), true) = (at, kind != ModelKind::Gltf) {
+                self.conflict(&at, format!("{key} is for gltf only"));
+            }
+        }
+        let at_s = m.at.as_ref().map_or(0.0, |t| self.number("at", t, FINITE));
+        let shutter = self.shutter(m.shutter.as_ref());
+        let resolution = m.resolution.as_ref();
+        let resolution = resolution.map_or(DEFAULT_RESOLUTION, |r| self.resolution(r));
+        let radius = render.filter_radius.as_ref();
         Some(ModelPlan {
             path,
             name: file.get_ref().clone(),
             at: file.span(),
             kind,
-            to_world,
+            staging: Staging {
+                to_world,
+                at_s,
+                animation: m.animation.as_ref().map(|a| a.get_ref().clone()),
+                shutter,
+            },
             resolution,
             filter: (
                 render.filter,
-                render.filter_radius.as_ref().map(|r| *r.get_ref()),
+                radius.map(|r| self.number("filter_radius", r, FILTER_RADIUS)),
             ),
             lights: m.lights.unwrap_or(true),
         })
@@ -570,10 +582,15 @@ impl Checker<'_> {
         } else {
             self.environment(l.environment.as_ref()?)
         };
-        if let (Some(motion), LightKind::Environment { .. }) = (l.motion.first(), &kind) {
+        if let (Some(motion), LightKind::Environment { image: None, .. }) =
+            (l.motion.first(), &kind)
+            && l.environment
+                .as_ref()
+                .is_some_and(|e| e.get_ref().image.is_none())
+        {
             self.conflict(
                 &motion.span(),
-                "an environment is the same from everywhere: it cannot move (allowed: motion for lights with a place or direction)",
+                "an environment without an image is the same from everywhere: it cannot move",
             );
         }
         let motion = self.motion(&l.motion, May::KeepSize);

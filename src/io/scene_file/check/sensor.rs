@@ -5,22 +5,21 @@ use super::super::schema::{At, Detector, Orthographic, Perspective, Render, Sens
 use super::motion::May;
 use super::object::affine;
 use super::{Allowed, Checker, NON_NEGATIVE, POSITIVE, label};
+use crate::io::model::MAX_PIXELS;
 use glam::{DAffine3, DMat3, DVec3};
 
 const FIELD_OF_VIEW: Allowed = Allowed {
     text: "above 0, below 180 degrees",
     test: |v| v > 0.0 && v < 180.0,
 };
-const FILTER_RADIUS: Allowed = Allowed {
+pub(super) const FILTER_RADIUS: Allowed = Allowed {
     text: "0.5 to 8 pixels",
     test: |v| (0.5..=8.0).contains(&v),
 };
 /// Largest edge of an image in pixels.
 const MAX_EDGE: i64 = 65_536;
-/// Most pixels of an image: the sums of 2^28 pixels take 26 GB.
-const MAX_PIXELS: u64 = 1 << 28;
 /// Where a sensor says nothing.
-const DEFAULT_RESOLUTION: [u32; 2] = [640, 480];
+pub(super) const DEFAULT_RESOLUTION: [u32; 2] = [640, 480];
 
 impl Checker<'_> {
     pub(super) fn sensors(&mut self, sensors: &[At<Sensor>], render: &Render) -> Vec<SensorPlan> {
@@ -75,7 +74,7 @@ impl Checker<'_> {
         plans
     }
 
-    fn resolution(&mut self, resolution: &At<[i64; 2]>) -> [u32; 2] {
+    pub(super) fn resolution(&mut self, resolution: &At<[i64; 2]>) -> [u32; 2] {
         let edge = |c: &mut Self, v: i64| {
             c.integer(
                 "resolution",

@@ -5,7 +5,7 @@ use super::super::schema::OutputUnits;
 use super::{Resolver, film_filter};
 use crate::camera::Resolution;
 use crate::io::gltf::PER_NIT;
-use crate::io::model;
+use crate::io::model::{self, ModelCamera, Staging};
 use crate::light::Light;
 use crate::light::environment::EnvironmentLight;
 use crate::light::environment_image::EnvironmentImage;
@@ -37,7 +37,11 @@ impl Resolver<'_> {
             }
             environment.map(Arc::new)
         });
-        Light::Environment(EnvironmentLight { radiance, image })
+        Light::Environment(EnvironmentLight {
+            radiance,
+            image,
+            motion: None,
+        })
     }
 
     /// Adds the models, then what a scene with models but without cameras or lights needs.
@@ -46,7 +50,11 @@ impl Resolver<'_> {
         let mut lit =
             !scene.lights.is_empty() || scene.objects.iter().any(|o| o.emission.is_some());
         for m in &plan.models {
-            let mut read = match model::load(&m.path, m.kind, m.to_world) {
+            let staging = Staging {
+                shutter: self.shutter,
+                ..m.staging.clone()
+            };
+            let mut read = match model::load(&m.path, m.kind, &staging) {
                 Ok(read) => read,
                 Err(message) => {
                     self.bad_file(&m.at, &m.name, message);
@@ -64,7 +72,8 @@ impl Resolver<'_> {
             let [width, height] = m.resolution;
             let resolution = Resolution { width, height };
             let filter = film_filter(m.filter.0, m.filter.1, false);
-            cameras.extend(read.cameras.iter().map(|c| c.sensor(resolution, filter)));
+            let sensor = |c: &ModelCamera| c.sensor(resolution, filter, m.staging.shutter);
+            cameras.extend(read.cameras.iter().map(sensor));
             read.add_to(scene);
         }
         let Some(first) = plan.models.first().filter(|_| self.errors.is_empty()) else {
@@ -77,7 +86,8 @@ impl Resolver<'_> {
                     .push("no camera: one that sees all of the model is used".to_owned());
                 let camera = model::standard_camera(&scene.objects);
                 let filter = film_filter(first.filter.0, first.filter.1, false);
-                cameras.push(camera.sensor(Resolution { width, height }, filter));
+                let resolution = Resolution { width, height };
+                cameras.push(camera.sensor(resolution, filter, first.staging.shutter));
             }
             model::name_sensors(&mut cameras);
             scene.sensors = cameras;

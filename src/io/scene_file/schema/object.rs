@@ -23,7 +23,10 @@ pub struct Model {
     pub ply: Option<At<String>>,
     #[serde(default)]
     pub transform: Vec<At<TransformStep>>,
+    pub at: Option<At<f64>>,
+    pub animation: Option<At<String>>,
     pub resolution: Option<At<[i64; 2]>>,
+    pub shutter: Option<At<[f64; 2]>>,
     pub lights: Option<bool>,
 }
 

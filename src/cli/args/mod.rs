@@ -1,0 +1,140 @@
+//! The options of every command. Values are checked as they are parsed, so that wrong ones are usage errors that say what is
+//! allowed.
+
+mod images;
+mod overrides;
+mod reports;
+mod scene;
+mod values;
+
+pub use images::{BandingOptions, ColorLines, CompareOptions, MergeOptions};
+pub use overrides::Overrides;
+pub use reports::{CostGroup, CostOptions};
+pub use scene::{ConvertOptions, InfoOptions, RenderOptions};
+pub use values::Aov;
+
+use clap::{Args, Parser, Subcommand};
+use std::sync::LazyLock;
+
+/// Version of the program.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Version, target and profile.
+fn long_version() -> &'static str {
+    static TEXT: LazyLock<String> = LazyLock::new(|| {
+        let profile = if cfg!(debug_assertions) {
+            "debug"
+        } else {
+            "release"
+        };
+        format!(
+            "{VERSION} ({} {}, {profile})",
+            std::env::consts::ARCH,
+            std::env::consts::OS
+        )
+    });
+    &TEXT
+}
+
+/// Spectral bidirectional path tracer for dispersive glass and correct color.
+#[derive(Debug, Parser)]
+#[command(name = "abbe", version = long_version(), disable_help_subcommand = true)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Renders a scene to an EXR image of XYZ with a PNG preview beside it
+    Render(Box<RenderOptions>),
+    /// Says what a scene holds and calls for, and why
+    Info(InfoOptions),
+    /// Shows what accuracy costs in time: renders a scene by several methods and reports error against time
+    Cost(Box<CostOptions>),
+    /// Measures how far an image is from a reference
+    Compare(CompareOptions),
+    /// Shows the refractive index of a glass
+    Glass(GlassOptions),
+    /// Adds up part files of disjoint passes
+    Merge(MergeOptions),
+    /// Shows what sharing wavelengths and times in a pass does: photon merging beside bidirectional path tracing
+    Banding(BandingOptions),
+    /// Writes an editable scene file that refers to a model
+    Convert(ConvertOptions),
+}
+
+/// Options of `abbe glass`.
+#[derive(Debug, Args)]
+pub struct GlassOptions {
+    /// The glass, such as schott:N-SF11 or N-SF11
+    #[arg(value_name = "NAME", required_unless_present = "list")]
+    pub name: Option<String>,
+    /// Lists the names of all glasses
+    #[arg(long, conflicts_with = "name")]
+    pub list: bool,
+    /// Prints JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    fn render(arguments: &[&str]) -> Result<Box<RenderOptions>, clap::Error> {
+        let all = ["abbe", "render", "scene.toml"].iter().chain(arguments);
+        match Arguments::try_parse_from(all)?.command {
+            Command::Render(options) => Ok(options),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn definitions_are_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn options_become_overrides_and_set_comes_last() {
+        let options = render(&[
+            "--spp",
+            "3",
+            "--integrator",
+            "light",
+            "--wavelengths",
+            "486.1,600",
+            "--set",
+            "render.spp = 5",
+        ]);
+        let overrides = options.unwrap().scene_overrides();
+        let as_text: Vec<String> = overrides.iter().map(|(k, v)| format!("{k}={v}")).collect();
+        let expected = [
+            "render.integrator=light",
+            "render.spp=3",
+            "render.wavelengths={ lines_nm = [486.1, 600.0] }",
+            "render.spp=5",
+        ];
+        assert_eq!(as_text, expected);
+    }
+
+    #[test]
+    fn layers_are_named_or_classes() {
+        let options = render(&["--aov", "error,class:^LS+DE$,depth"]).unwrap();
+        assert!(
+            matches!(&options.aov[..], [Aov::Error, Aov::Class(r), Aov::Depth] if r.is_match("LSSDE"))
+        );
+        assert!(render(&["--aov", "noise"]).is_err());
+        assert!(render(&["--aov", "class:("]).is_err());
+    }
+
+    #[test]
+    fn spectral_has_a_default_number_of_bins() {
+        assert_eq!(render(&["--spectral"]).unwrap().spectral, Some(47));
+        assert_eq!(render(&["--spectral", "5"]).unwrap().spectral, Some(5));
+        assert_eq!(render(&[]).unwrap().spectral, None);
+    }
+}

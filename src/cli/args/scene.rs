@@ -1,0 +1,174 @@
+//! The options of `abbe render`, `info` and `convert`.
+
+use super::overrides::{Moment, Overrides};
+use super::values::{
+    self, Aov, FilterName, HeuristicName, IntegratorName, RegularizeName, SharingName,
+};
+use crate::film::Crop;
+use clap::{Args, ValueEnum};
+use std::ops::Range;
+use std::path::PathBuf;
+
+/// Options of `abbe render`.
+#[derive(Debug, Args)]
+pub struct RenderOptions {
+    /// The scene file, or a model (.gltf, .glb, .obj, .ply)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The image to write; NAME.exr (NAME.SENSOR.exr with several sensors) in the working directory otherwise
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// The algorithm
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub integrator: Option<IntegratorName>,
+    /// Passes, one sample per pixel each
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "passes")]
+    pub spp: Option<u32>,
+    /// The passes A, A+1, ..., B-1
+    #[arg(long, value_name = "A..B", value_parser = values::passes)]
+    pub passes: Option<Range<u32>>,
+    /// Stops after the pass in which this much time is used up, per sensor; without --spp or --passes there is no other limit
+    #[arg(long, value_name = "SECONDS", value_parser = values::positive, allow_negative_numbers = true)]
+    pub time: Option<f64>,
+    /// Stops when the estimated relative error of the image is below R
+    #[arg(long, value_name = "R", value_parser = values::positive, allow_negative_numbers = true)]
+    pub target_error: Option<f64>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    pub seed: Option<u64>,
+    /// Threads; all cores otherwise
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Wavelengths per path
+    #[arg(long, value_name = "N", value_parser = ["1", "4", "8"])]
+    pub lanes: Option<String>,
+    /// Weighting of strategies
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub heuristic: Option<HeuristicName>,
+    /// Whether mirrors and smooth glass are connectible within a small cone
+    #[arg(long, value_enum, value_name = "MODE")]
+    pub regularize: Option<RegularizeName>,
+    /// Half-aperture of that cone in the first pass in radians, or auto
+    #[arg(long, value_name = "RAD", value_parser = values::epsilon)]
+    pub epsilon: Option<String>,
+    /// What the paths of a pass share where photons are merged
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub sharing: Option<SharingName>,
+    /// Scattering vertices of the whole path, at most
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16))]
+    pub max_depth: Option<u16>,
+    /// Reconstruction filter
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub filter: Option<FilterName>,
+    /// Wavelengths to draw: scene, uniform, visible, a range A..B, or a list of lines such as 486.1,587.6 (nm)
+    #[arg(long, value_name = "SPEC", value_parser = values::wavelengths)]
+    pub wavelengths: Option<String>,
+    #[command(flatten)]
+    pub moment: Moment,
+    #[command(flatten)]
+    pub overrides: Overrides,
+    /// Renders only this sensor
+    #[arg(long, value_name = "NAME")]
+    pub sensor: Option<String>,
+    /// Renders only the pixels X0 <= x < X1, Y0 <= y < Y1
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = values::crop)]
+    pub crop: Option<Crop>,
+    /// Exposure of the preview in stops
+    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = values::finite, allow_negative_numbers = true)]
+    pub exposure: f64,
+    /// Writes no PNG preview
+    #[arg(long)]
+    pub no_preview: bool,
+    /// Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo, class:REGEX (such as class:^LS+DE$), separated by commas
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::aov)]
+    pub aov: Vec<Aov>,
+    /// Also writes NAME.spectral.exr, with BINS channels over the range of wavelengths and one for each emission line
+    #[arg(long, value_name = "BINS", num_args = 0..=1, default_missing_value = "47", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    pub spectral: Option<u16>,
+    /// Writes the exact sums of the passes, for `abbe merge` and --resume
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["aov", "spectral"])]
+    pub part: Option<PathBuf>,
+    /// Continues with the passes that the file given by --part does not hold yet
+    #[arg(long, requires = "part")]
+    pub resume: bool,
+    /// Writes statistics as JSON, with the table of path classes and strategies
+    #[arg(long, value_name = "FILE")]
+    pub stats: Option<PathBuf>,
+    /// Refuses to start where films, meshes, textures and photons need more memory than SIZE, such as 500M or 2G
+    #[arg(long, value_name = "SIZE", value_parser = values::size)]
+    pub max_memory: Option<u64>,
+    /// Prints nothing but errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+impl RenderOptions {
+    /// The overrides of the scene file: the options that have a key in it, then those of `--set`.
+    #[must_use]
+    pub fn scene_overrides(&self) -> Vec<(String, String)> {
+        let named =
+            |value: Option<clap::builder::PossibleValue>| value.map(|v| v.get_name().to_owned());
+        let options = [
+            (
+                "integrator",
+                named(self.integrator.and_then(|v| v.to_possible_value())),
+            ),
+            ("spp", self.spp.map(|v| v.to_string())),
+            ("seed", self.seed.map(|v| v.to_string())),
+            ("lanes", self.lanes.clone()),
+            (
+                "heuristic",
+                named(self.heuristic.and_then(|v| v.to_possible_value())),
+            ),
+            (
+                "regularize",
+                named(self.regularize.and_then(|v| v.to_possible_value())),
+            ),
+            ("epsilon", self.epsilon.clone()),
+            (
+                "sharing",
+                named(self.sharing.and_then(|v| v.to_possible_value())),
+            ),
+            ("max_depth", self.max_depth.map(|v| v.to_string())),
+            (
+                "filter",
+                named(self.filter.and_then(|v| v.to_possible_value())),
+            ),
+            ("wavelengths", self.wavelengths.clone()),
+        ];
+        let options = options
+            .into_iter()
+            .filter_map(|(key, value)| Some((format!("render.{key}"), value?)));
+        options
+            .chain(self.moment.overrides())
+            .chain(self.overrides.set.iter().cloned())
+            .collect()
+    }
+}
+
+/// Options of `abbe info`.
+#[derive(Debug, Args)]
+pub struct InfoOptions {
+    /// The scene file, or a model (.gltf, .glb, .obj, .ply)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    #[command(flatten)]
+    pub overrides: Overrides,
+    /// Prints JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `abbe convert`.
+#[derive(Debug, Args)]
+pub struct ConvertOptions {
+    /// The model: glTF (.gltf, .glb), OBJ or PLY
+    #[arg(value_name = "MODEL")]
+    pub model: PathBuf,
+    /// The scene file to write, in the model's folder or above it
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Prints nothing but warnings and errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}

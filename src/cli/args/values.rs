@@ -1,0 +1,277 @@
+//! The values that options take: names, and parsers that say what is allowed.
+
+use crate::film::Crop;
+use crate::math::banding::Axis;
+use clap::ValueEnum;
+use regex::Regex;
+use std::ops::Range;
+
+/// Names of integrators.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum IntegratorName {
+    /// Paths from the camera
+    Path,
+    /// Paths from the lights
+    Light,
+    /// Both, weighted together
+    Bdpt,
+    /// Both, and photon merging, weighted together
+    Vcm,
+    /// Photon merging at every vertex that scatters diffusely or glossily
+    Bpm,
+    /// Photon merging at the first such vertex from the camera
+    Ppm,
+}
+
+/// Names of weightings.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum HeuristicName {
+    /// In proportion to the densities
+    Balance,
+    /// In proportion to their squares
+    Power2,
+}
+
+/// Names of the modes of regularization.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum RegularizeName {
+    /// As mis for image cameras in scenes with mirrors or smooth glass, else off
+    Auto,
+    /// Never
+    Off,
+    /// Only for paths that nothing else makes, by one strategy
+    Single,
+    /// By every strategy, weighted with all others
+    Mis,
+}
+
+/// What the paths of a pass share where photons are merged.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum SharingName {
+    /// One wavelength set and time, one of the set as everybody's hero
+    Hero,
+    /// One set and time; the set's wavelengths take turns as heroes over the pixels
+    Set,
+    /// As hero, with sets and times of successive passes kept apart
+    Stratified,
+}
+
+/// Names of filters.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum FilterName {
+    /// The pixel itself
+    Box,
+    /// A product of triangles
+    Tent,
+    /// A Gaussian
+    Gaussian,
+}
+
+/// One extra layer of the image.
+#[derive(Clone, Debug)]
+pub enum Aov {
+    /// Standard error of Y.
+    Error,
+    /// One image per strategy (s, t).
+    Strategies,
+    /// Distance of the first hit.
+    Depth,
+    /// Shading normal of the first hit.
+    Normal,
+    /// Reflectance of the first hit.
+    Albedo,
+    /// Contributions joined at specular vertices.
+    Regularized,
+    /// All other contributions.
+    Unbiased,
+    /// Difference of the halves of a render with `bias_estimate`, as a bias.
+    Bias,
+    /// Paths of one class.
+    Class(Regex),
+}
+
+pub(super) fn key_value(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((key, value)) if !key.trim().is_empty() => {
+            Ok((key.trim().to_owned(), value.trim().to_owned()))
+        }
+        _ => Err("expected KEY=VALUE".to_owned()),
+    }
+}
+
+pub(super) fn passes(text: &str) -> Result<Range<u32>, String> {
+    let parsed = text
+        .split_once("..")
+        .and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
+    // the last index is the pilot's
+    parsed
+        .filter(|r: &Range<u32>| r.start < r.end && r.end < u32::MAX)
+        .ok_or_else(|| "expected A..B with 0 <= A < B: the passes A, A+1, ..., B-1".to_owned())
+}
+
+pub(super) fn crop(text: &str) -> Result<Crop, String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x0, y0, x1, y1]) if x0 < x1 && y0 < y1 => Ok(Crop { x0, y0, x1, y1 }),
+        _ => Err(
+            "expected X0,Y0,X1,Y1 with X0 < X1 and Y0 < Y1, in pixels from the top left".to_owned(),
+        ),
+    }
+}
+
+pub(super) fn axis(text: &str) -> Result<Axis, String> {
+    let point = || {
+        let (x, y) = text.split_once(',')?;
+        Some(Axis::Distance([finite(x).ok()?, finite(y).ok()?]))
+    };
+    match text {
+        "x" => Ok(Axis::X),
+        "y" => Ok(Axis::Y),
+        _ => point().ok_or_else(|| "expected x, y, or a pixel X,Y".to_owned()),
+    }
+}
+
+pub(super) fn finite(text: &str) -> Result<f64, String> {
+    text.trim()
+        .parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite())
+        .ok_or_else(|| "expected a number".to_owned())
+}
+
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    finite(text)
+        .ok()
+        .filter(|&v| v > 0.0)
+        .ok_or_else(|| "expected a number above 0".to_owned())
+}
+
+/// A time with an optional unit.
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
+    let number = text.trim_end_matches(['s', 'm', 'h']);
+    let unit = match &text[number.len()..] {
+        "" | "s" => 1.0,
+        "m" => 60.0,
+        "h" => 3600.0,
+        _ => f64::NAN,
+    };
+    positive(number)
+        .map(|n| n * unit)
+        .ok()
+        .filter(|s| s.is_finite())
+        .ok_or_else(|| "expected a time above 0 such as 10s, 2m or 1h".to_owned())
+}
+
+pub(super) fn pixel(text: &str) -> Result<[u32; 2], String> {
+    text.split_once(',')
+        .and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]))
+        .ok_or_else(|| "expected X,Y: a pixel, from the top left".to_owned())
+}
+
+/// The value of `render.epsilon` that says the same.
+pub(super) fn epsilon(text: &str) -> Result<String, String> {
+    if text == "auto" {
+        return Ok(text.to_owned());
+    }
+    positive(text)
+        .map(|v| format!("{v:?}"))
+        .map_err(|_| "expected an angle in radians above 0, or auto".to_owned())
+}
+
+/// A number of bytes with an optional suffix K, M, G or T (powers of 1024).
+pub(super) fn size(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(['K', 'M', 'G', 'T']);
+    let shift = match &text[digits.len()..] {
+        "" => 0,
+        "K" => 10,
+        "M" => 20,
+        "G" => 30,
+        "T" => 40,
+        _ => 64,
+    };
+    let bytes = digits
+        .parse::<u64>()
+        .ok()
+        .and_then(|n| n.checked_mul(1_u64.checked_shl(shift)?));
+    bytes
+        .filter(|&b| b > 0)
+        .ok_or_else(|| "expected a number of bytes such as 500M or 2G".to_owned())
+}
+
+/// The value of `render.wavelengths` that says the same.
+pub(super) fn wavelengths(text: &str) -> Result<String, String> {
+    if ["scene", "uniform", "visible"].contains(&text) {
+        return Ok(text.to_owned());
+    }
+    if let Some((a, b)) = text.split_once("..")
+        && let (Ok(a), Ok(b)) = (finite(a), finite(b))
+    {
+        return Ok(format!("{{ range_nm = [{a:?}, {b:?}] }}"));
+    }
+    let lines: Result<Vec<f64>, String> = text.split(',').map(finite).collect();
+    let wrong =
+        |_| "expected scene, uniform, visible, A..B or a list of wavelengths in nm".to_owned();
+    lines
+        .map(|lines| format!("{{ lines_nm = {lines:?} }}"))
+        .map_err(wrong)
+}
+
+pub(super) fn aov(text: &str) -> Result<Aov, String> {
+    Ok(match text {
+        "error" => Aov::Error,
+        "strategies" => Aov::Strategies,
+        "depth" => Aov::Depth,
+        "normal" => Aov::Normal,
+        "albedo" => Aov::Albedo,
+        "regularized" => Aov::Regularized,
+        "unbiased" => Aov::Unbiased,
+        "bias" => Aov::Bias,
+        _ => {
+            let expression = text
+                .strip_prefix("class:")
+                .ok_or("expected error, strategies, regularized, unbiased, bias, depth, normal, albedo or class:REGEX")?;
+            let wrong = |e: regex::Error| {
+                e.to_string()
+                    .lines()
+                    .last()
+                    .unwrap_or("not a regular expression")
+                    .to_owned()
+            };
+            Aov::Class(Regex::new(expression).map_err(wrong)?)
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_and_crops_are_checked() {
+        assert_eq!(passes("3..8"), Ok(3..8));
+        for wrong in ["3", "3..3", "8..3", "-1..3", "a..b", "0..4294967295"] {
+            assert!(passes(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(
+            crop("1,2,3,4"),
+            Ok(Crop {
+                x0: 1,
+                y0: 2,
+                x1: 3,
+                y1: 4
+            })
+        );
+        for wrong in ["1,2,3", "1,2,1,4", "1,2,3,2", "1,2,3,4,5", "a,b,c,d", ""] {
+            assert!(crop(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn sizes_have_suffixes() {
+        assert_eq!(size("500"), Ok(500));
+        assert_eq!(size("2G"), Ok(2 << 30));
+        for wrong in ["0", "G", "2GM", "2g", "-1", "99999999999T"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+}

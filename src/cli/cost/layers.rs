@@ -1,0 +1,155 @@
+//! The images of single strategies: a pyramid with a row for each number of vertices (after Veach 1997, figure 10.2), and the share
+//! of the light that regularized strategies bring.
+
+use super::super::CliError;
+use super::super::html::{escape, png_url};
+use crate::io::exr::{self, ExrImage};
+use crate::io::png::{png_bytes, preview_bytes};
+use crate::spectrum::xyz::xyz_to_linear_srgb;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Vertices of paths whose strategies are shown.
+const MOST_VERTICES: u32 = 8;
+/// Luminance that the mean of a row's brightest strategy is brought to.
+const GRAY: f64 = 0.2;
+/// Stops, at most, by which a row is brightened.
+const MOST_STOPS: f64 = 16.0;
+
+/// One strategy's image.
+struct Layer {
+    s: u32,
+    t: u32,
+    merged: bool,
+    xyz: Vec<f64>,
+}
+
+impl Layer {
+    /// Mean luminance.
+    fn mean(&self) -> f64 {
+        let y = self.xyz.iter().skip(1).step_by(3);
+        y.sum::<f64>() / (self.xyz.len() / 3).max(1) as f64
+    }
+}
+
+/// (s, t, whether it is a merge) of a channel such as `s2t1merged.Y`.
+fn strategy(channel: &str) -> Option<(u32, u32, bool)> {
+    let name = channel.strip_suffix(".Y")?.strip_prefix('s')?;
+    let plain = name.strip_suffix("merged").unwrap_or(name);
+    let (s, t) = plain.split_once('t')?;
+    Some((s.parse().ok()?, t.parse().ok()?, plain.len() < name.len()))
+}
+
+/// The interleaved XYZ values of a layer.
+fn layer_xyz(image: &ExrImage, layer: &str) -> Option<Vec<f64>> {
+    let mut xyz = vec![0.0; 3 * image.crop.pixels() as usize];
+    for (c, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
+        let values = image.channel(&format!("{layer}.{axis}"))?;
+        for (pixel, value) in values.iter().enumerate() {
+            xyz[3 * pixel + c] = f64::from(*value);
+        }
+    }
+    Some(xyz)
+}
+
+/// The strategies of an image by the number of vertices of their paths. Black ones are left out.
+fn rows(image: &ExrImage) -> BTreeMap<u32, Vec<Layer>> {
+    let mut rows: BTreeMap<u32, Vec<Layer>> = BTreeMap::new();
+    for channel in &image.channels {
+        let Some((s, t, merged)) = strategy(&channel.name) else {
+            continue;
+        };
+        let name = channel.name.trim_end_matches(".Y");
+        let Some(xyz) = layer_xyz(image, name) else {
+            continue;
+        };
+        // a merge joins two walks at one place: its path has a vertex less than they have
+        let vertices = s + t - u32::from(merged);
+        let layer = Layer { s, t, merged, xyz };
+        if vertices <= MOST_VERTICES && layer.mean() > 0.0 {
+            rows.entry(vertices).or_default().push(layer);
+        }
+    }
+    for row in rows.values_mut() {
+        row.sort_by_key(|l| (l.merged, l.s));
+    }
+    rows
+}
+
+/// The part of the page, from the image with a layer for each strategy.
+///
+/// # Errors
+/// Where the image cannot be read.
+pub fn section(path: &Path) -> Result<String, CliError> {
+    let image = exr::read(path)?;
+    let size = (image.crop.width(), image.crop.height());
+    let bad = |e: std::io::Error| CliError::file(path, e.to_string());
+    let mut html = String::new();
+    if let Some(share) = share(&image) {
+        let gray: Vec<u8> = share
+            .iter()
+            .flat_map(|v| [(255.0 * v).round() as u8; 3])
+            .collect();
+        let png = png_bytes(size.0, size.1, &gray).map_err(bad)?;
+        _ = write!(
+            html,
+            r#"<figure id="share"><img alt="share of regularized strategies" src="{}"><figcaption>Share of the light that strategies bring which join at mirrors or smooth glass: black none, white all.</figcaption></figure>"#,
+            png_url(&png)
+        );
+    }
+    html += r#"<div class="scroll" id="pyramid">"#;
+    for (vertices, row) in rows(&image) {
+        let brightest = row.iter().map(Layer::mean).fold(0.0, f64::max);
+        let stops = (GRAY / brightest)
+            .log2()
+            .round()
+            .clamp(-MOST_STOPS, MOST_STOPS);
+        _ = write!(
+            html,
+            r#"<h3>{vertices} vertices, {stops:+} EV</h3><div class="row">"#
+        );
+        for layer in &row {
+            let png = preview_bytes(size, &layer.xyz, stops, xyz_to_linear_srgb).map_err(bad)?;
+            let mark = if layer.merged { ", merged" } else { "" };
+            let name = escape(&format!("s {}, t {}{mark}", layer.s, layer.t));
+            _ = write!(
+                html,
+                r#"<figure><img alt="{name}" src="{}"><figcaption>{name}</figcaption></figure>"#,
+                png_url(&png)
+            );
+        }
+        html += "</div>";
+    }
+    Ok(html + "</div>")
+}
+
+/// Share of the regularized strategies per pixel; `None` where nothing is regularized.
+fn share(image: &ExrImage) -> Option<Vec<f64>> {
+    let part = image.channel("regularized.Y")?;
+    if part.iter().all(|v| *v == 0.0) {
+        return None;
+    }
+    let ratio = |(part, whole): (&f32, &f32)| {
+        if *whole > 0.0 {
+            f64::from(part / whole).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    };
+    Some(part.iter().zip(image.channel("Y")?).map(ratio).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strategies_are_read_from_names() {
+        assert_eq!(strategy("s2t1.Y"), Some((2, 1, false)));
+        assert_eq!(strategy("s12t3merged.Y"), Some((12, 3, true)));
+        for other in ["s2t1.X", "Y", "noise.Y", "st1.Y", "regularized.Y"] {
+            assert_eq!(strategy(other), None, "{other}");
+        }
+    }
+}
