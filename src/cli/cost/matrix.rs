@@ -232,15 +232,7 @@ impl<'a> Base<'a> {
             variant.groups.push(CostGroup::Settings);
             variant
         };
-        let mut methods: Vec<Variant> = others.map(variant).collect();
-        let keys = [
-            ("integrator", "vcm"),
-            ("regularize", "off"),
-            ("sharing", "stratified"),
-        ];
-        let (id, label) = ("vcm-stratified", "vcm, stratified passes");
-        methods.push(Variant::new(id, label, CostGroup::Methods, &keys));
-        methods
+        others.map(variant).collect()
     }
 
     fn settings(&self) -> Vec<Variant> {
