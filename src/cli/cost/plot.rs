@@ -211,7 +211,7 @@ impl Plot {
             escape(self.y)
         );
         if let Some(slope) = self.slope {
-            svg += &self.guide(slope, px, py);
+            svg += &self.guide(slope, 10_f64.powf(ys.low), px, py);
         }
         for (i, curve) in self.curves.iter().enumerate() {
             let color = COLORS[i % COLORS.len()];
@@ -251,21 +251,28 @@ impl Plot {
         svg
     }
 
-    /// A line of the given slope below the first curve.
-    fn guide(&self, slope: f64, px: impl Fn(f64) -> f64, py: impl Fn(f64) -> f64) -> String {
+    /// A line of the given slope from the start of the first curve, down to `lowest` at most.
+    fn guide(
+        &self,
+        slope: f64,
+        lowest: f64,
+        px: impl Fn(f64) -> f64,
+        py: impl Fn(f64) -> f64,
+    ) -> String {
         let Some(first) = self.curves.first().and_then(|c| c.points.first()) else {
             return String::new();
         };
         let last = self.curves[0].points[self.curves[0].points.len() - 1];
-        let end = first[1] * (last[0] / first[0]).powf(slope);
+        let end_y = (first[1] * (last[0] / first[0]).powf(slope)).max(lowest);
+        let end_x = first[0] * (end_y / first[1]).powf(1.0 / slope);
         format!(
             r#"<path class="guide" d="M{:.1} {:.1}L{:.1} {:.1}"/><text x="{:.1}" y="{:.1}" text-anchor="end">slope {slope}</text>"#,
             px(first[0]),
             py(first[1]),
-            px(last[0]),
-            py(end),
-            px(last[0]),
-            py(end) - 5.0
+            px(end_x),
+            py(end_y),
+            px(end_x),
+            py(end_y) - 5.0
         )
     }
 
@@ -346,6 +353,34 @@ mod tests {
             ..plot
         };
         assert!(!empty.has_points());
+    }
+
+    #[test]
+    fn the_guide_ends_at_the_axis() {
+        let plot = Plot {
+            id: "p".to_owned(),
+            x: "time",
+            y: "error",
+            log_y: true,
+            slope: Some(-0.5),
+            curves: vec![Curve {
+                id: "flat".to_owned(),
+                label: "flat".to_owned(),
+                points: [1.0, 100.0].map(|x| [x, 2.0, 1.9, 2.1]).to_vec(),
+            }],
+        };
+        let svg = plot.figure();
+        let guide = svg.split("class=\"guide\" d=\"M").nth(1).expect("a guide");
+        let path = guide.split('"').next().expect("its path");
+        let numbers: Vec<f64> = path
+            .split([' ', 'L'])
+            .map(|n| n.parse().expect("number"))
+            .collect();
+        assert!(
+            numbers[0] < numbers[2] && numbers[1] < numbers[3],
+            "it falls: {path}"
+        );
+        assert!(numbers[3] <= HEIGHT - MARGIN[3] + 0.1, "{path}");
     }
 
     #[test]
