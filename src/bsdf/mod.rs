@@ -189,6 +189,14 @@ impl Bsdf {
     /// The non-specular label for given directions. Both densities come with the value: they cannot disagree.
     #[must_use]
     pub fn eval(&self, w_light: DVec3, w_camera: DVec3) -> BsdfEval {
+        if let [(weight, lobe)] = &*self.lobes {
+            // most surfaces: no sums to keep
+            let mut eval = lobe
+                .eval(w_light, w_camera, &self.interface)
+                .unwrap_or(BsdfEval::BLACK);
+            eval.g *= *weight;
+            return eval;
+        }
         let mut sum = BsdfEval::BLACK;
         let scale = 1.0 / self.total_weight();
         for (weight, lobe) in &self.lobes {
