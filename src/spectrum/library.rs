@@ -14,7 +14,9 @@ use super::emission::Line;
 use super::read::{MAX_FILE_BYTES, Table, parse_table};
 use super::{Curve, Emission, Ior, xyz};
 
-pub use super::read::{SpectrumFileError, parse_curve_csv, parse_glass_toml};
+pub use super::read::{
+    SpectrumFileError, fuzz_curve, fuzz_glass, parse_curve_csv, parse_glass_toml,
+};
 
 macro_rules! embedded {
     ($($path:literal),* $(,)?) => {

@@ -57,6 +57,18 @@ pub fn parse_curve_csv(text: &str) -> Result<Curve, SpectrumFileError> {
     }
 }
 
+/// Reads any bytes as a table: must not panic.
+pub fn fuzz_curve(bytes: &[u8]) {
+    // the outcome does not matter
+    _ = parse_curve_csv(&String::from_utf8_lossy(bytes));
+}
+
+/// Reads any bytes as a catalog of refractive indices: must not panic.
+pub fn fuzz_glass(bytes: &[u8]) {
+    // the outcome does not matter
+    _ = parse_glass_toml(&String::from_utf8_lossy(bytes));
+}
+
 /// A CSV file as read: wavelengths and named columns of the same length.
 pub(super) struct Table {
     pub nm: Vec<f64>,

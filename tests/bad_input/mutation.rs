@@ -137,8 +137,31 @@ fn models_of_text() {
         b"usemtl",
     ];
     run(obj, &dictionary, abbe::io::mtl::fuzz_model);
+    run(obj, &dictionary, abbe::io::obj::fuzz_obj);
     let mtl = b"newmtl a\nKd 1 0 0\nKe 1 1 1\nKs 1 1 1\nNs 20\nNi 1.5\nd 0.5\nillum 4\nPr 0.5\nPm 1\nmap_Kd -s 1 1 1 a.png\nnorm b.png\nTr 0.2\n";
     run(mtl, &dictionary, abbe::io::mtl::fuzz_mtl);
+}
+
+#[test]
+fn spectra() {
+    use abbe::spectrum::library::{fuzz_curve, fuzz_glass};
+    let dictionary: [&[u8]; 8] = [
+        b"nan",
+        b"-1",
+        b"1e308",
+        b"0",
+        b",",
+        b"\n",
+        b"[[",
+        b"coefficients = [",
+    ];
+    let curve = b"# a filter\nnm,value\n400,0.25\n550.5,1\n700,0\n";
+    run(curve, &dictionary, fuzz_curve);
+    let glass = b"catalog = \"c\"\n[[glass]]\nname = \"a\"\nsource = \"s\"\nformula = 1\n\
+        coefficients = [0.0, 0.69, 0.06, 0.4, 0.1, 0.9, 9.9]\nrange_um = [0.21, 6.7]\nk_um = [[0.3, 1e-6], [0.7, 0.0]]\n\
+        [[glass]]\nname = \"b\"\nsource = \"s\"\nnk_um = [[0.3, 1.5, 3.1], [0.5, 0.2, 2.0]]\nextrapolate = true\n";
+    assert!(abbe::spectrum::library::parse_glass_toml(&String::from_utf8_lossy(glass)).is_ok());
+    run(glass, &dictionary, fuzz_glass);
 }
 
 #[test]

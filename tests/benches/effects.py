@@ -4,7 +4,7 @@
 Both programs are built from git (worktrees under target/effects, one after the other), then render the same scene in turn, each with
 one thread. Printed are the median of the ratios of user CPU seconds, neighbor by neighbor, with its 95 % bootstrap interval.
 
-    tests/benches/effects.py                          # the commits of EFFECTS, 41 pairs
+    tests/benches/effects.py                          # the commits of EFFECTS, 61 pairs
     tests/benches/effects.py --effects motion --pairs 11
     tests/benches/effects.py --effects motion --program target/release/abbe      # what has come since, too
 """
@@ -69,12 +69,14 @@ def interval(values, share=0.95, draws=10_000):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--effects", default=",".join(EFFECTS), help="some of " + ", ".join(EFFECTS))
-    parser.add_argument("--pairs", type=int, default=41)
+    parser.add_argument("--pairs", type=int, default=61)
     parser.add_argument("--spp", type=int, default=4)
+    parser.add_argument("--pixels", type=int, default=150, help="of a side of the image: short runs in turn meet the same machine")
     parser.add_argument("--after", help="a commit instead of the one with the effect, such as HEAD")
     parser.add_argument("--scene", default="cornell_diffuse,caustic_lens", help="of scenes/bench")
     parser.add_argument("--program", type=pathlib.Path, help="a program instead of a commit to compare with those before")
     options = parser.parse_args()
+    size = f"sensor.0.resolution=[{options.pixels},{options.pixels}]"
     WORK.mkdir(parents=True, exist_ok=True)
     print("| effect, not used | scene | pairs | CPU time with / before: median | 95 % interval |")
     print("|---|---|---|---|---|")
@@ -88,7 +90,7 @@ def main():
                 # in turns, so that neither always comes first
                 order = (0, 1) if turn % 2 else (1, 0)
                 own = ([], arguments)
-                seconds = {i: user_seconds(programs[i], scene, ["--spp", options.spp, *own[i]]) for i in order}
+                seconds = {i: user_seconds(programs[i], scene, ["--spp", options.spp, "--set", size, *own[i]]) for i in order}
                 # the first pair warms up
                 if turn:
                     ratios.append(seconds[1] / seconds[0])

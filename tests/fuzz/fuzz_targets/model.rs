@@ -1,0 +1,4 @@
+//! Any bytes through the reader.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| abbe::io::mtl::fuzz_model(bytes));
