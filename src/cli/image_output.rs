@@ -4,7 +4,7 @@
 
 use super::CliError;
 use super::args::Aov;
-use crate::film::{Film, SensorResponse};
+use crate::film::Film;
 use crate::io::exr::{
     Channel, ExrImage, ImageMetadata, MetadataValue, spectral_channel_name, xyz_channels,
 };
@@ -234,9 +234,7 @@ fn layer_channels(layer: &str, film: &Film, passes: u64) -> Vec<Channel> {
 /// The spectral image; `None` where none was kept. Bins hold the mean per nanometer, lines (layer `line`) their power.
 #[must_use]
 pub fn spectral_image(render: &Render, header: &PartHeader) -> Option<ExrImage> {
-    let (SensorResponse::Spectral(spectral), film) = render.outputs().spectral.as_ref()? else {
-        return None;
-    };
+    let (spectral, film) = render.outputs().spectral.as_ref()?;
     let bins = spectral.bin_centers_nm().map(spectral_channel_name);
     let lines = spectral
         .lines_nm()

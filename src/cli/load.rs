@@ -143,7 +143,7 @@ impl Loaded {
             width: size.width,
             height: size.height,
             crop: [crop.x0, crop.y0, crop.x1, crop.y1],
-            channels: render.outputs().response.channels() as u32,
+            channels: 3,
             image,
             passes: pass_ranges(render.passes(), self.settings.seed),
         }

@@ -11,7 +11,7 @@ use super::progress::Progress;
 use super::stats::{self, SensorStats};
 use super::usage::{bytes_text, film_bytes, geometry_bytes, texture_bytes};
 use super::{CliError, Outcome, print, summary, threads};
-use crate::film::{Crop, SensorResponse, SpectralChannels};
+use crate::film::{Crop, SpectralChannels};
 use crate::io::atomic::check_writable;
 use crate::io::part::{self, PartHeader};
 use crate::render::forecast::ErrorHistory;
@@ -186,11 +186,7 @@ fn crop(options: &RenderOptions, loaded: &Loaded, sensor: usize) -> Result<Crop,
 fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
     let spectral = options.spectral.map(|bins| {
         let lines = loaded.scene.wavelengths.atoms().map(|(nm, _)| nm).collect();
-        SensorResponse::Spectral(SpectralChannels::new(
-            loaded.range_nm,
-            usize::from(bins),
-            lines,
-        ))
+        SpectralChannels::new(loaded.range_nm, usize::from(bins), lines)
     });
     let class = |a: &Aov| {
         if let Aov::Class(regex) = a {
@@ -231,7 +227,7 @@ fn check_memory(
 fn channels(request: &OutputRequest) -> u64 {
     let shares = if request.shares { 2 } else { 0 };
     let spectral = request.spectral.as_ref();
-    let spectral = spectral.map_or(0, SensorResponse::channels);
+    let spectral = spectral.map_or(0, SpectralChannels::count);
     (3 * (1 + request.classes.len() + shares) + spectral) as u64
 }
 

@@ -8,7 +8,7 @@ pub mod fixed;
 pub mod sensor_response;
 
 pub use filter::Filter;
-pub use sensor_response::{SensorResponse, SpectralChannels};
+pub use sensor_response::{LaneResponse, SensorResponse, SpectralChannels};
 
 use fixed::{FixedSum, Unrepresentable};
 use glam::DVec2;

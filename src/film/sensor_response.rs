@@ -5,23 +5,79 @@
 //! nanometre elsewhere.
 
 use crate::spectrum::xyz::N_Y;
-use crate::spectrum::{SampledWavelengths, cie};
+use crate::spectrum::{MAX_LANES, SampledWavelengths, cie};
 
 /// Luminous efficacy of 540 THz, lm/W (SI definition of the candela).
 pub const MAX_EFFICACY_LM_PER_W: f64 = 683.0;
 
-/// What the channels of a film measure.
-#[derive(Clone, Debug, PartialEq)]
+/// What the three channels of an image measure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorResponse {
     /// CIE XYZ, scaled so that a constant unit spectrum has Y = 1.
     Xyz,
     /// CIE XYZ in photometric units: Y in lm per unit of power (cd/m² from radiance, lx from irradiance).
     Photometric,
-    /// Power by wavelength.
-    Spectral(SpectralChannels),
 }
 
-/// Equal bins for the continuous part of spectra, then one channel for each emission line.
+impl SensorResponse {
+    /// The response to the wavelengths of one path.
+    #[must_use]
+    pub fn at(self, wavelengths: &SampledWavelengths) -> LaneResponse {
+        let mut xyz = [[0.0; 3]; MAX_LANES];
+        for (lane, xyz) in xyz.iter_mut().enumerate().take(wavelengths.count()) {
+            *xyz = self
+                .of(wavelengths.lambda_nm(lane))
+                .map(|response| response / wavelengths.pdf(lane));
+        }
+        LaneResponse {
+            wavelengths: *wavelengths,
+            xyz,
+            mean: xyz.map(|[x, y, z]| (x + y + z) / 3.0),
+        }
+    }
+
+    /// X, Y and Z of unit power at a wavelength.
+    fn of(self, lambda_nm: f64) -> [f64; 3] {
+        let scale = match self {
+            Self::Xyz => 1.0 / N_Y,
+            Self::Photometric => MAX_EFFICACY_LM_PER_W,
+        };
+        cie::cmf(lambda_nm).map(|matching| scale * matching)
+    }
+}
+
+/// The wavelengths of one path, and what a unit contribution in each of its lanes adds to X, Y and Z.
+#[derive(Clone, Copy, Debug)]
+pub struct LaneResponse {
+    /// The wavelengths.
+    pub wavelengths: SampledWavelengths,
+    xyz: [[f64; 3]; MAX_LANES],
+    mean: [f64; MAX_LANES],
+}
+
+impl LaneResponse {
+    /// X, Y and Z of a path's contributions, one per lane.
+    #[must_use]
+    pub fn xyz(&self, contributions: &[f64; MAX_LANES]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        let lanes = self.xyz.iter().zip(contributions);
+        for (response, contribution) in lanes.take(self.wavelengths.count()) {
+            for (channel, response) in sum.iter_mut().zip(response) {
+                *channel += response * contribution;
+            }
+        }
+        sum
+    }
+
+    /// One number for a path's contributions, to compare them by: the mean of X, Y and Z.
+    #[must_use]
+    pub fn brightness(&self, contributions: &[f64; MAX_LANES]) -> f64 {
+        let lanes = contributions.iter().zip(&self.mean);
+        lanes.map(|(value, response)| value * response).sum()
+    }
+}
+
+/// Power by wavelength: equal bins for the continuous part of spectra, then one channel for each emission line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectralChannels {
     range_nm: [f64; 2],
@@ -79,16 +135,11 @@ impl SpectralChannels {
             width,
         ))
     }
-}
 
-impl SensorResponse {
-    /// Number of channels.
+    /// Number of channels: the bins, then the lines.
     #[must_use]
-    pub fn channels(&self) -> usize {
-        match self {
-            Self::Xyz | Self::Photometric => 3,
-            Self::Spectral(spectral) => spectral.bins + spectral.lines_nm.len(),
-        }
+    pub fn count(&self) -> usize {
+        self.bins + self.lines_nm.len()
     }
 
     /// Adds a path's contributions, one per lane in use, to the channels.
@@ -108,38 +159,10 @@ impl SensorResponse {
         }
     }
 
-    /// What a unit contribution in one lane adds to the mean of the channels: for comparing contributions with each other.
-    #[must_use]
-    pub fn brightness(&self, wavelengths: &SampledWavelengths, lane: usize) -> f64 {
-        match self {
-            Self::Xyz | Self::Photometric => {
-                let mut channels = [0.0; 3];
-                self.add_one(
-                    wavelengths.lambda_nm(lane),
-                    wavelengths.is_line(lane),
-                    1.0 / wavelengths.pdf(lane),
-                    &mut channels,
-                );
-                channels.iter().sum::<f64>() / 3.0
-            }
-            Self::Spectral(_) => 1.0 / wavelengths.pdf(lane),
-        }
-    }
-
     /// Adds an estimate of the spectrum's integral that was made at one wavelength.
     fn add_one(&self, lambda_nm: f64, is_line: bool, value: f64, channels: &mut [f64]) {
-        let scale = match self {
-            Self::Xyz => 1.0 / N_Y,
-            Self::Photometric => MAX_EFFICACY_LM_PER_W,
-            Self::Spectral(spectral) => {
-                if let Some((channel, width)) = spectral.channel(lambda_nm, is_line) {
-                    channels[channel] += value / width;
-                }
-                return;
-            }
-        };
-        for (channel, matching) in channels.iter_mut().zip(cie::cmf(lambda_nm)) {
-            *channel += scale * matching * value;
+        if let Some((channel, width)) = self.channel(lambda_nm, is_line) {
+            channels[channel] += value / width;
         }
     }
 }
@@ -161,7 +184,8 @@ mod tests {
             for i in 0..passes {
                 let u = (f64::from(i) + 0.5) / f64::from(passes);
                 let wavelengths = distribution.sample(u, 4);
-                SensorResponse::Xyz.add(&wavelengths, &[0.25; 8], &mut xyz);
+                let path = SensorResponse::Xyz.at(&wavelengths).xyz(&[0.25; MAX_LANES]);
+                (0..3).for_each(|c| xyz[c] += path[c]);
             }
             let y = xyz[1] / f64::from(passes);
             // midpoint rule in primary space: error far below the 1e-4 allowed
@@ -170,17 +194,22 @@ mod tests {
         let line = WavelengthDistribution::lines(&[587.5618]);
         let channels = SpectralChannels::new([400.0, 700.0], 3, vec![587.5618]);
         let mut out = [0.0; 4];
-        SensorResponse::Spectral(channels).add(&line.sample(0.3, 1), &[2.5], &mut out);
+        channels.add(&line.sample(0.3, 1), &[2.5], &mut out);
         assert_eq!(out, [0.0, 0.0, 0.0, 2.5]);
     }
 
     #[test]
     fn constant_unit_spectrum_reads_one() {
-        let (mut relative, mut photometric) = ([0.0; 3], [0.0; 3]);
+        let (mut relative, mut photometric) = ([0.0f64; 3], [0.0f64; 3]);
         // the rectangle sum over the table, each wavelength standing for 1 nm
         for nm in 360..=830 {
-            SensorResponse::Xyz.add_one(f64::from(nm), false, 1.0, &mut relative);
-            SensorResponse::Photometric.add_one(f64::from(nm), false, 1.0, &mut photometric);
+            for (response, sum) in [
+                (SensorResponse::Xyz, &mut relative),
+                (SensorResponse::Photometric, &mut photometric),
+            ] {
+                let added = response.of(f64::from(nm));
+                (0..3).for_each(|c| sum[c] += added[c]);
+            }
         }
         assert!((relative[1] - 1.0).abs() < 1e-12, "{relative:?}");
         // an equal-energy stimulus is white within 4 digits
@@ -194,16 +223,15 @@ mod tests {
         let centers: Vec<f64> = spectral.bin_centers_nm().collect();
         assert_eq!(centers, [450.0, 550.0, 650.0]);
         assert_eq!(spectral.lines_nm(), [546.1, 589.0]);
-        let response = SensorResponse::Spectral(spectral);
-        assert_eq!(response.channels(), 5);
+        assert_eq!(spectral.count(), 5);
         let mut out = [0.0; 5];
-        response.add_one(400.0, false, 100.0, &mut out);
-        response.add_one(550.0, false, 200.0, &mut out);
-        response.add_one(700.0, false, 300.0, &mut out);
-        response.add_one(700.1, false, 1e9, &mut out);
-        response.add_one(546.1, true, 5.0, &mut out);
-        response.add_one(546.1, false, 100.0, &mut out);
-        response.add_one(600.0, true, 1e9, &mut out);
+        spectral.add_one(400.0, false, 100.0, &mut out);
+        spectral.add_one(550.0, false, 200.0, &mut out);
+        spectral.add_one(700.0, false, 300.0, &mut out);
+        spectral.add_one(700.1, false, 1e9, &mut out);
+        spectral.add_one(546.1, true, 5.0, &mut out);
+        spectral.add_one(546.1, false, 100.0, &mut out);
+        spectral.add_one(600.0, true, 1e9, &mut out);
         assert_eq!(out, [1.0, 3.0, 3.0, 5.0, 0.0]);
     }
 }

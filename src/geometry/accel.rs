@@ -55,18 +55,6 @@ impl Accel {
         self.top.as_ref().map(|top| top.bounds)
     }
 
-    /// `ray` in the own space of an instance.
-    #[inline]
-    fn local(&self, ray: &Ray, id: InstanceId, t_max: f64) -> (&Shape, LocalRay) {
-        let instance = &self.instances[id.0 as usize];
-        let placement = instance.transform.at(ray.time);
-        let extent = instance.shape.extent();
-        (
-            &instance.shape,
-            LocalRay::new(ray, id, &placement.to_object, t_max, extent),
-        )
-    }
-
     /// The closest hit among the instances for which `visible` says true.
     #[must_use]
     #[inline]
@@ -83,7 +71,10 @@ impl Accel {
                 if !visible(instance) {
                     return None;
                 }
-                let (shape, local) = self.local(ray, instance, t_best);
+                let Instance { shape, transform } = &self.instances[instance.0 as usize];
+                let placement = transform.at(ray.time);
+                let to_object = &placement.to_object;
+                let local = LocalRay::new(ray, instance, to_object, t_best, shape.extent());
                 let (t, prim, uv) = match shape {
                     Shape::Mesh(mesh) => mesh.closest(&local)?,
                     Shape::Deforming(mesh) => mesh.closest(&local, ray.time)?,
@@ -119,7 +110,10 @@ impl Accel {
                 if !opaque(instance) {
                     return false;
                 }
-                let (shape, local) = self.local(ray, instance, ray.t_max);
+                let Instance { shape, transform } = &self.instances[instance.0 as usize];
+                let placement = transform.at(ray.time);
+                let to_object = &placement.to_object;
+                let local = LocalRay::new(ray, instance, to_object, ray.t_max, shape.extent());
                 match shape {
                     Shape::Mesh(mesh) => mesh.occluded(&local),
                     Shape::Deforming(mesh) => mesh.occluded(&local, ray.time),

@@ -5,7 +5,7 @@
 //! shape is taken to be exactly on it: its own root is then zero by definition and the other has a closed form.
 
 use super::ray::LocalRay;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// A hit: parameter and face.
 pub(super) type FaceHit = (f64, u32);
@@ -53,24 +53,23 @@ fn unit_roots(o: DVec3, d: DVec3, ray: &LocalRay) -> [f64; 2] {
     }
 }
 
-/// Where the ray meets the plane z = 0, if that is not an end of it.
-fn plane(ray: &LocalRay) -> Option<f64> {
+/// Where the ray meets the part of the plane z = 0 that is `inside`, if that plane is not an end of it.
+fn plane(ray: &LocalRay, inside: impl Fn(DVec2) -> bool) -> Option<FaceHit> {
     let t = -ray.o.z / ray.d.z;
     let named = ray.start.is_some() || ray.end.is_some();
-    (!named && ray.counts(t, ray.d.z.abs())).then_some(t)
+    let is_hit =
+        !named && ray.reaches(t) && inside(ray.at(t).truncate()) && ray.counts(t, ray.d.z.abs());
+    is_hit.then_some((t, 0))
 }
 
 /// The disk of radius 1 in z = 0 with a hole of radius `inner`.
 pub(super) fn disk(ray: &LocalRay, inner: f64) -> Option<FaceHit> {
-    let t = plane(ray)?;
-    let r2 = ray.at(t).truncate().length_squared();
-    (r2 <= 1.0 && r2 >= inner * inner).then_some((t, 0))
+    plane(ray, |p| (inner * inner..=1.0).contains(&p.length_squared()))
 }
 
 /// The square -1..1 in z = 0.
 pub(super) fn quad(ray: &LocalRay) -> Option<FaceHit> {
-    let t = plane(ray)?;
-    (ray.at(t).truncate().abs().max_element() <= 1.0).then_some((t, 0))
+    plane(ray, |p| p.abs().max_element() <= 1.0)
 }
 
 /// Outward unit normal of a face of the cube; faces are numbered -x, +x, -y, +y, -z, +z.

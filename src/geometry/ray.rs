@@ -61,7 +61,7 @@ impl Ray {
 
 /// A ray in the own space of one instance; its parameter is still the distance in the world.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LocalRay {
+pub(super) struct LocalRay<'a> {
     /// Origin.
     pub o: DVec3,
     /// Direction, of any length.
@@ -74,29 +74,23 @@ pub(super) struct LocalRay {
     pub end: Option<u32>,
     /// Where the far end is (`t_max` shrinks as hits are found, this does not).
     pub t_end: f64,
-    /// Faces nearer to the origin than this are its neighbors; 0 where the origin lies on no face.
-    start_error: f64,
-    /// The same about the far end.
-    end_error: f64,
+    world: &'a Ray,
+    to_object: &'a DAffine3,
+    extent: f64,
 }
 
-impl LocalRay {
+impl<'a> LocalRay<'a> {
     /// `ray` as the instance `id` at `to_object` sees it, where only hits before `t_max` matter and the shape has
     /// coordinates up to `extent`.
     #[inline]
-    pub fn new(ray: &Ray, id: InstanceId, to_object: &DAffine3, t_max: f64, extent: f64) -> Self {
+    pub fn new(
+        ray: &'a Ray,
+        id: InstanceId,
+        to_object: &'a DAffine3,
+        t_max: f64,
+        extent: f64,
+    ) -> Self {
         let prim = |s: Option<SurfaceId>| s.filter(|s| s.instance == id).map(|s| s.prim);
-        let start_error = match ray.start {
-            Some(_) => transformed_error(to_object, ray.o.abs(), extent),
-            None => 0.0,
-        };
-        let end_error = match ray.end {
-            Some(_) => {
-                let far = ray.o + ray.d * ray.t_max;
-                transformed_error(to_object, far.abs().max(ray.o.abs()), extent)
-            }
-            None => 0.0,
-        };
         Self {
             o: to_object.transform_point3(ray.o),
             d: to_object.transform_vector3(ray.d),
@@ -104,8 +98,9 @@ impl LocalRay {
             start: prim(ray.start),
             end: prim(ray.end),
             t_end: ray.t_max,
-            start_error,
-            end_error,
+            world: ray,
+            to_object,
+            extent,
         }
     }
 
@@ -115,13 +110,24 @@ impl LocalRay {
         self.o + self.d * t
     }
 
+    /// Whether a hit at `t` is one of those that matter, if it counts.
+    #[inline]
+    pub fn reaches(&self, t: f64) -> bool {
+        t > 0.0 && t < self.t_max
+    }
+
     /// Whether a face that is named neither as start nor as end counts when hit at `t`, where the ray nears it by
-    /// `approach` per unit of `t` (|d·n| for a flat face, |d| for a curved one).
+    /// `approach` per unit of `t` (|d·n| for a flat face, |d| for a curved one). Faces nearer to an end of the ray than
+    /// the rounding error of that end are its neighbors, and do not. Few rays come to ask, so that the error waits until then.
     #[inline]
     pub fn counts(&self, t: f64, approach: f64) -> bool {
-        t > 0.0
-            && t < self.t_max
-            && t * approach >= self.start_error
-            && (self.t_end - t) * approach >= self.end_error
+        let Ray {
+            o, d, start, end, ..
+        } = *self.world;
+        let error = |magnitude| transformed_error(self.to_object, magnitude, self.extent);
+        let far = || (o + d * self.t_end).abs().max(o.abs());
+        self.reaches(t)
+            && (start.is_none() || t * approach >= error(o.abs()))
+            && (end.is_none() || (self.t_end - t) * approach >= error(far()))
     }
 }

@@ -25,7 +25,7 @@ impl PhotonTracer {
     ) {
         // what paths are worth to a sensor is of no use here
         let response = SensorResponse::Xyz;
-        let (sampler, context) = begin(frame, pass, pixel, &response, &mut self.media);
+        let (sampler, context) = begin(frame, pass, pixel, response, &mut self.media);
         let (light, counters) = (&mut self.light, &mut self.counters);
         if start_light(&context, light, frame.max_depth(), &sampler, counters) {
             let before = buffer.len();

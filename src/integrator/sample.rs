@@ -4,14 +4,14 @@
 //! need; the walk, the connections and the weights are the same code.
 
 use crate::bsdf::Side;
-use crate::film::{Crop, SensorResponse};
+use crate::film::{Crop, LaneResponse, SensorResponse};
 use crate::geometry::{EndPoint, Ray};
 use crate::medium::MediumLanes;
 use crate::sampler::{Sampler, Stream};
 use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::{IntegratorKind, Sharing};
 use crate::scene::{Scene, Settings};
-use crate::spectrum::{MAX_LANES, SampledSpectrum};
+use crate::spectrum::SampledSpectrum;
 use crate::transport::connect::{Joiner, Photons, light_end_factor};
 use crate::transport::context::SharedSample;
 use crate::transport::subpath::Vertex;
@@ -175,7 +175,7 @@ pub(super) fn begin<'a>(
     frame: &Frame<'a>,
     pass: &'a PassSettings,
     (x, y): (u32, u32),
-    response: &SensorResponse,
+    response: SensorResponse,
     media: &'a mut Vec<MediumLanes>,
 ) -> (Sampler, PathContext<'a>) {
     let scene = frame.scene;
@@ -205,31 +205,26 @@ pub(super) fn begin<'a>(
     };
     media.clear();
     media.extend(scene.media.iter().map(|m| m.sample(&wavelengths)));
-    let mut weights = [0.0; MAX_LANES];
-    for (j, weight) in weights.iter_mut().enumerate().take(lanes) {
-        *weight = response.brightness(&wavelengths, j);
-    }
     let context = PathContext {
         scene,
         sensor: frame.sensor,
         pass,
-        wavelengths,
         media,
         time,
-        response: weights,
+        response: response.at(&wavelengths),
     };
     (sampler, context)
 }
 
-/// Computes one sample of pixel (x, y) into the workspace, without merging. Returns its wavelengths' context-free part: the
-/// contributions are in `workspace.contributions`, to be turned into film values by `response` at the returned wavelengths.
+/// Computes one sample of pixel (x, y) into the workspace, without merging. The contributions are in
+/// `workspace.contributions`, to be turned into film values by what is returned.
 pub fn sample_pixel(
     frame: &Frame,
     pass: &PassSettings,
     pixel: (u32, u32),
-    response: &SensorResponse,
+    response: SensorResponse,
     workspace: &mut Workspace,
-) -> crate::spectrum::SampledWavelengths {
+) -> LaneResponse {
     let unmerged = PassSettings {
         merge_radius: None,
         ..*pass
@@ -243,9 +238,9 @@ pub fn sample_and_merge(
     pass: &PassSettings,
     photons: Option<&PhotonMap>,
     (x, y): (u32, u32),
-    response: &SensorResponse,
+    response: SensorResponse,
     workspace: &mut Workspace,
-) -> crate::spectrum::SampledWavelengths {
+) -> LaneResponse {
     let scene = frame.scene;
     let settings = frame.settings;
     let sensor = &scene.sensors[frame.sensor];
@@ -261,7 +256,6 @@ pub fn sample_and_merge(
     contributions.clear();
     counters.paths += 1;
     let (sampler, context) = begin(frame, pass, (x, y), response, media);
-    let wavelengths = context.wavelengths;
     let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.stream(Stream::Base).next4();
     let max_depth = frame.max_depth();
 
@@ -364,7 +358,7 @@ pub fn sample_and_merge(
             joiner.gather(&mut photons, camera, j);
         }
     }
-    wavelengths
+    context.response
 }
 
 /// Traces a light sub-path. `false` where no light was started.
@@ -385,7 +379,7 @@ pub(super) fn start_light(
     let light = &scene.lights[id.0 as usize];
     let Some(emission) = light.sample_emission(
         &context.light_context(),
-        &context.wavelengths,
+        context.wavelengths(),
         u_face,
         DVec2::new(u_x, u_y),
         DVec2::new(d_x, d_y),
@@ -423,6 +417,9 @@ pub(super) fn start_light(
         counters,
         |first: &Vertex| light_end_factor(light, &x0, first.toward_previous, first.distance),
     );
+    if let Some(first) = path.vertices.first() {
+        path.direct = context.direct_density(id, first.point.p, &x0);
+    }
     true
 }
 

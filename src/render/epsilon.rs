@@ -48,7 +48,7 @@ pub struct EpsilonChoice {
 
 /// Chooses ε₁ for a sensor.
 #[must_use]
-pub fn choose(frame: &Frame, response: &SensorResponse) -> EpsilonChoice {
+pub fn choose(frame: &Frame, response: SensorResponse) -> EpsilonChoice {
     if let Some(epsilon) = frame.settings.regularization.epsilon {
         return EpsilonChoice {
             epsilon,
@@ -76,7 +76,7 @@ pub fn choose(frame: &Frame, response: &SensorResponse) -> EpsilonChoice {
 
 struct Pilot<'a> {
     frame: Frame<'a>,
-    response: &'a SensorResponse,
+    response: SensorResponse,
     film: Crop,
 }
 
@@ -241,7 +241,7 @@ impl Pilot<'_> {
             .map_init(Workspace::default, |workspace, (x, y)| {
                 let mut out = Vec::new();
                 for (settings, sign) in settings.iter().zip([1.0, -1.0]) {
-                    let wavelengths =
+                    let response =
                         sample_pixel(&self.frame, settings, (x, y), self.response, workspace);
                     for contribution in &workspace.contributions {
                         let at = match contribution.target {
@@ -249,10 +249,7 @@ impl Pilot<'_> {
                             Target::Splat(raster) => region(raster.x, raster.y),
                         };
                         let Some(at) = at else { continue };
-                        let mut channels = [0.0; 3];
-                        self.response
-                            .add(&wavelengths, &contribution.lanes, &mut channels);
-                        let value = channels.iter().sum::<f64>() / 3.0;
+                        let value = response.brightness(&contribution.lanes);
                         let counts = sign > 0.0 && contribution.regularized > 0;
                         out.push((
                             at,

@@ -95,7 +95,7 @@ impl SharedWavelengths {
 
 /// Chooses r₁ for a sensor.
 #[must_use]
-pub fn choose_radius(frame: &Frame, response: &SensorResponse) -> RadiusChoice {
+pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
     let scene = frame.scene;
     if let Some(radius) = frame.settings.merging.radius {
         return RadiusChoice {

@@ -73,11 +73,11 @@ impl<'a> Render<'a> {
         let epsilon = frame
             .regularization
             .mode
-            .map(|_| epsilon::choose(&frame, &outputs.response));
+            .map(|_| epsilon::choose(&frame, outputs.response));
         let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
         let merges = settings.integrator.merges();
-        let radius = merges.then(|| merging::choose_radius(&frame, &outputs.response));
-        let roulette_threshold = pilot::roulette_threshold(&frame, cone, &outputs.response);
+        let radius = merges.then(|| merging::choose_radius(&frame, outputs.response));
+        let roulette_threshold = pilot::roulette_threshold(&frame, cone, outputs.response);
         Self {
             frame,
             crop,
@@ -340,21 +340,14 @@ fn render_pixel(
         values,
         table,
     } = local;
-    let wavelengths = sample_and_merge(frame, pass, photons, (x, y), &outputs.response, workspace);
+    let response = sample_and_merge(frame, pass, photons, (x, y), outputs.response, workspace);
     // splats one by one, the pixel's own contributions as one sum
     let mut own = [0.0; 3];
     for contribution in &workspace.contributions {
+        let xyz = response.xyz(&contribution.lanes);
         match contribution.target {
-            Target::OwnPixel => outputs
-                .response
-                .add(&wavelengths, &contribution.lanes, &mut own),
-            Target::Splat(raster) => {
-                let mut xyz = [0.0; 3];
-                outputs
-                    .response
-                    .add(&wavelengths, &contribution.lanes, &mut xyz);
-                outputs.image.add_splat(raster, half, &xyz);
-            }
+            Target::OwnPixel => own.iter_mut().zip(xyz).for_each(|(sum, more)| *sum += more),
+            Target::Splat(raster) => outputs.image.add_splat(raster, half, &xyz),
         }
         if frame.with_raw {
             let share = match contribution.target {
@@ -362,10 +355,10 @@ fn render_pixel(
                 Target::Splat(raster) => outputs.image.coverage(raster),
             };
             if share > 0.0 {
-                table.add(contribution, share, &outputs.response, &wavelengths);
+                table.add(contribution, share, &response);
             }
         }
     }
     outputs.image.add_pixel(x, y, half, &own);
-    outputs.add_extras(&workspace.contributions, &wavelengths, (x, y), half, values);
+    outputs.add_extras(&workspace.contributions, &response, (x, y), half, values);
 }

@@ -1,7 +1,6 @@
 //! Which images are kept besides XYZ: spectral bins, one image per strategy, one per path class, the share of regularized strategies.
 
-use crate::film::{Crop, Film, Filter, SensorResponse};
-use crate::spectrum::SampledWavelengths;
+use crate::film::{Crop, Film, Filter, LaneResponse, SensorResponse, SpectralChannels};
 use crate::transport::{Contribution, Target};
 use regex::Regex;
 use std::collections::BTreeMap;
@@ -12,8 +11,8 @@ use std::sync::{PoisonError, RwLock};
 pub struct OutputRequest {
     /// Response of the main image (XYZ, relative or photometric).
     pub response: SensorResponse,
-    /// Response of the spectral image, if one is kept.
-    pub spectral: Option<SensorResponse>,
+    /// Channels of the spectral image, if one is kept.
+    pub spectral: Option<SpectralChannels>,
     /// Keep one image per strategy.
     pub strategies: bool,
     /// Keep one image per class expression, matched against the whole label string (`LSDE`).
@@ -48,7 +47,7 @@ pub struct Outputs {
     /// XYZ.
     pub image: Film,
     /// Spectral bins and lines.
-    pub spectral: Option<(SensorResponse, Film)>,
+    pub spectral: Option<(SpectralChannels, Film)>,
     /// XYZ per strategy (s, t) and merge (whether it is one comes last), as they are met.
     pub strategies: Option<RwLock<StrategyFilms>>,
     /// XYZ per class expression.
@@ -65,12 +64,12 @@ impl Outputs {
     pub fn new(request: &OutputRequest, crop: Crop, filter: Filter) -> Self {
         let film = |channels| Film::new(crop, filter, channels);
         Self {
-            response: request.response.clone(),
+            response: request.response,
             image: film(3),
             spectral: request
                 .spectral
                 .clone()
-                .map(|r| (r.clone(), film(r.channels()))),
+                .map(|channels| (channels.clone(), film(channels.count()))),
             strategies: request.strategies.then(RwLock::default),
             classes: request
                 .classes
@@ -87,7 +86,7 @@ impl Outputs {
     pub fn add_extras(
         &self,
         contributions: &[Contribution],
-        wavelengths: &SampledWavelengths,
+        response: &LaneResponse,
         pixel: (u32, u32),
         half: usize,
         values: &mut Vec<f64>,
@@ -98,18 +97,16 @@ impl Outputs {
             return;
         }
         for contribution in contributions {
-            if let Some((response, film)) = &self.spectral {
+            if let Some((channels, film)) = &self.spectral {
                 values.clear();
-                values.resize(response.channels(), 0.0);
-                response.add(wavelengths, &contribution.lanes, values);
+                values.resize(channels.count(), 0.0);
+                channels.add(&response.wavelengths, &contribution.lanes, values);
                 add(film, contribution.target, pixel, half, values);
             }
             if !of_paths {
                 continue;
             }
-            let mut xyz = [0.0; 3];
-            self.response
-                .add(wavelengths, &contribution.lanes, &mut xyz);
+            let xyz = response.xyz(&contribution.lanes);
             self.add_strategy(contribution, pixel, half, &xyz);
             if let Some(shares) = &self.shares {
                 let film = &shares[usize::from(contribution.regularized > 0)];

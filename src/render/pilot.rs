@@ -27,7 +27,7 @@ pub(super) fn lattice(crop: &Crop) -> impl Iterator<Item = (u32, u32)> {
 /// The roulette threshold: a share of the mean indirect value of a sample. A function of scene, settings and seed alone, so that
 /// renders of different passes agree.
 #[must_use]
-pub fn roulette_threshold(frame: &Frame, cone: Option<Cone>, response: &SensorResponse) -> f64 {
+pub fn roulette_threshold(frame: &Frame, cone: Option<Cone>, response: SensorResponse) -> f64 {
     let pass = PassSettings {
         index: PASS,
         cone,
@@ -36,15 +36,13 @@ pub fn roulette_threshold(frame: &Frame, cone: Option<Cone>, response: &SensorRe
     let mut workspace = Workspace::default();
     let mut sum = 0.0;
     for pixel in lattice(&frame.scene.sensors[frame.sensor].whole_film()) {
-        let wavelengths = sample_pixel(frame, &pass, pixel, response, &mut workspace);
+        let response = sample_pixel(frame, &pass, pixel, response, &mut workspace);
         for contribution in workspace
             .contributions
             .iter()
             .filter(|c| c.class.depth() > 0)
         {
-            let mut channels = [0.0; 3];
-            response.add(&wavelengths, &contribution.lanes, &mut channels);
-            sum += channels.iter().sum::<f64>() / 3.0;
+            sum += response.brightness(&contribution.lanes);
         }
     }
     let mean = sum / f64::from(SAMPLES);

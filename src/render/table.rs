@@ -2,8 +2,7 @@
 //!
 //! The raw mean is what the strategy alone would estimate for the class; all strategies that can make a class agree on it.
 
-use crate::film::SensorResponse;
-use crate::spectrum::SampledWavelengths;
+use crate::film::LaneResponse;
 use crate::transport::Contribution;
 use crate::transport::class::PathClass;
 use std::collections::BTreeMap;
@@ -40,18 +39,8 @@ pub struct ClassTable {
 
 impl ClassTable {
     /// Adds the `share` of a contribution that lands on the film, as it counts for the sum over all pixels.
-    pub fn add(
-        &mut self,
-        contribution: &Contribution,
-        share: f64,
-        response: &SensorResponse,
-        wavelengths: &SampledWavelengths,
-    ) {
-        let y = |lanes: &[f64]| {
-            let mut xyz = [0.0; 3];
-            response.add(wavelengths, lanes, &mut xyz);
-            xyz[1]
-        };
+    pub fn add(&mut self, contribution: &Contribution, share: f64, response: &LaneResponse) {
+        let y = |lanes| response.xyz(lanes)[1];
         let row = self
             .rows
             .entry((contribution.class, contribution.s, contribution.t))

@@ -229,7 +229,7 @@ impl<'a> Joiner<'a> {
         super::record::record(view, self.techniques, segment.map(|(ray, _)| ray));
         let count = self.context.count();
         let multipliers = Multipliers::new(view, self.techniques);
-        let weights = denominator(&multipliers, &self.context.wavelengths);
+        let weights = denominator(&multipliers, self.context.wavelengths());
         if weights.numerator == 0.0 && !self.with_raw {
             return;
         }
@@ -272,7 +272,7 @@ impl<'a> Joiner<'a> {
                 let techniques = if shared {
                     count
                 } else {
-                    self.context.wavelengths.multiplicity(j)
+                    self.context.wavelengths().multiplicity(j)
                 };
                 let lane = numerator.scale * f64::from(numerator.lanes[j]);
                 *value = lane / (alone * techniques as f64 * survival);
@@ -332,16 +332,6 @@ impl<'a> Joiner<'a> {
         }
     }
 
-    /// Density of x₀ by direct sampling from `x1`, selection included.
-    #[must_use]
-    pub fn direct_density(&self, id: LightId, x1: DVec3, x0: &EndPoint) -> f64 {
-        let scene = self.context.scene;
-        scene.selection.probability(id)
-            * self
-                .light(id)
-                .direct_density(&self.context.light_context(), x1, x0)
-    }
-
     /// Emission densities of x₀ and of the next vertex, whose cosine to the segment is `cos`: (`pf_0`, `pf_1`).
     fn emission(
         &self,
@@ -356,14 +346,6 @@ impl<'a> Joiner<'a> {
                 .emission_density(&self.context.light_context(), x0, direction);
         let next = pdf_direction.area_density(cos, distance * distance);
         (self.context.scene.selection.probability(id) * pdf_x0, next)
-    }
-
-    /// Density of the light sub-path's start by direct sampling from its first vertex.
-    fn direct_of(&self, light: &Subpath) -> f64 {
-        match (light.light, light.vertices.first()) {
-            (Some(id), Some(first)) => self.direct_density(id, first.point.p, &light.origin),
-            _ => 0.0,
-        }
     }
 
     /// Whether camera sub-paths can hit the light of a light sub-path.
@@ -450,7 +432,7 @@ impl<'a> Joiner<'a> {
                 light_columns: &light.columns,
                 camera_columns: &camera.columns,
                 edge,
-                direct: self.direct_of(light),
+                direct: light.direct,
                 hittable_light: self.is_hittable(light.light),
             },
             target: Target::OwnPixel,

@@ -1,11 +1,13 @@
 //! What all paths of a pass share, what one path pair shares, and what is counted on the way.
 
 use super::regularize::Cone;
-use crate::geometry::{InstanceId, Ray};
-use crate::light::LightContext;
+use crate::film::LaneResponse;
+use crate::geometry::{EndPoint, InstanceId, Ray};
+use crate::light::{LightContext, LightId};
 use crate::medium::{MediumId, MediumLanes, Region};
 use crate::scene::Scene;
 use crate::spectrum::{MAX_LANES, SampledSpectrum, SampledWavelengths};
+use glam::DVec3;
 
 /// Wavelength and time that all paths of a pass share (merging needs both sub-paths to agree).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -92,31 +94,38 @@ pub struct PathContext<'a> {
     pub sensor: usize,
     /// The pass.
     pub pass: &'a PassSettings,
-    /// Its wavelengths.
-    pub wavelengths: SampledWavelengths,
     /// Every medium of the scene at these wavelengths.
     pub media: &'a [MediumLanes],
     /// Its moment, in seconds.
     pub time: f64,
-    /// What each lane counts for where contributions are compared (mean of the sensor's channels per unit of `C_j`).
-    pub response: [f64; MAX_LANES],
+    /// Its wavelengths, and what their lanes add to the sensor's channels.
+    pub response: LaneResponse,
 }
 
 impl PathContext<'_> {
     /// One number for a contribution: the mean of the sensor's channels.
     #[must_use]
     pub fn brightness(&self, lanes: &[f64; MAX_LANES]) -> f64 {
-        lanes
-            .iter()
-            .zip(&self.response)
-            .map(|(value, response)| value * response)
-            .sum()
+        self.response.brightness(lanes)
+    }
+
+    /// Its wavelengths.
+    #[must_use]
+    pub fn wavelengths(&self) -> &SampledWavelengths {
+        &self.response.wavelengths
     }
 
     /// Lanes in use.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.wavelengths.count()
+        self.wavelengths().count()
+    }
+
+    /// Density of x₀ by direct sampling from `x1`, selection included.
+    #[must_use]
+    pub fn direct_density(&self, id: LightId, x1: DVec3, x0: &EndPoint) -> f64 {
+        let light = &self.scene.lights[id.0 as usize];
+        self.scene.selection.probability(id) * light.direct_density(&self.light_context(), x1, x0)
     }
 
     /// What lights need to know.
@@ -163,10 +172,10 @@ impl PathContext<'_> {
     /// wavelength.
     #[must_use]
     pub fn hero_lanes(&self) -> SampledSpectrum {
-        let hero = self.wavelengths.lambda_nm(0);
+        let hero = self.wavelengths().lambda_nm(0);
         let n = self.count();
         SampledSpectrum::from_fn(|j| {
-            if j < n && self.wavelengths.lambda_nm(j) == hero {
+            if j < n && self.wavelengths().lambda_nm(j) == hero {
                 1.0
             } else {
                 0.0

@@ -199,14 +199,8 @@ impl PhotonBuffer {
         path: u32,
     ) {
         let Some(id) = light.light else { return };
-        let scene = context.scene;
-        let source = &scene.lights[id.0 as usize];
-        let Some(x1) = light.vertices.first() else {
-            return;
-        };
-        let direct = scene.selection.probability(id)
-            * source.direct_density(&context.light_context(), x1.point.p, &light.origin)
-            / light.densities[0].own;
+        let source = &context.scene.lights[id.0 as usize];
+        let direct = light.direct / light.densities[0].own;
         let count = context.count();
         let (mut labels, mut columns) = (0_u64, false);
         for (i, vertex) in light.vertices.iter().enumerate().take(1 << DEPTH_BITS) {
@@ -235,7 +229,7 @@ impl PhotonBuffer {
                 let terms = side_terms(densities, factor, MergeSide::Light { direct }, techniques);
                 let columns = if columns { COLUMNS } else { 0 };
                 self.push(
-                    vertex.point.p - scene.center,
+                    vertex.point.p - context.scene.center,
                     vertex.toward_previous,
                     &terms,
                     u64::from(path)

@@ -98,6 +98,8 @@ pub struct Subpath {
     pub region: Region,
     /// The light it starts from (light sub-paths).
     pub light: Option<LightId>,
+    /// Density of that start by direct sampling from the first vertex, known once that is (light sub-paths).
+    pub direct: f64,
     /// Scattering vertices.
     pub vertices: Vec<Vertex>,
     /// Densities of all vertices, the start included.
@@ -124,6 +126,7 @@ impl Default for Subpath {
                 rank: None,
             },
             light: None,
+            direct: 0.0,
             vertices: Vec::new(),
             densities: Vec::new(),
             columns: Vec::new(),
@@ -139,6 +142,7 @@ impl Subpath {
         self.origin = origin;
         self.region = region;
         self.light = light;
+        self.direct = 0.0;
         self.vertices.clear();
         self.densities.clear();
         self.columns.clear();

@@ -178,7 +178,7 @@ pub fn walk(
         let vertex = Vertex {
             bsdf: scene.materials[object.material.0 as usize].bsdf(
                 &point,
-                &context.wavelengths,
+                context.wavelengths(),
                 &interface,
             ),
             frame: Frame::from_z(point.ns),

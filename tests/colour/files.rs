@@ -2,7 +2,7 @@
 
 use crate::python::{python, read_exr};
 use crate::rendered::render_crop;
-use abbe::film::{Crop, SensorResponse, SpectralChannels};
+use abbe::film::{Crop, SpectralChannels};
 use abbe::render::OutputRequest;
 use serde_json::{Value, json};
 use std::process::Command;
@@ -72,10 +72,9 @@ fn the_reference_library_reads_what_was_rendered() {
         .map(|name| read_exr(&python, &folder.path().join(name)));
 
     let lines = [587.5618, 632.8];
-    let response =
-        SensorResponse::Spectral(SpectralChannels::new([360.0, 830.0], 4, lines.to_vec()));
+    let channels = SpectralChannels::new([360.0, 830.0], 4, lines.to_vec());
     let request = OutputRequest {
-        spectral: Some(response),
+        spectral: Some(channels),
         ..OutputRequest::default()
     };
     let rendered = render_crop(SCENE, Some(CROP), &request);

@@ -2,7 +2,7 @@
 
 use crate::lamps::WALL;
 use crate::rendered::{Rendered, lamp, render, settings};
-use abbe::film::{SensorResponse, SpectralChannels};
+use abbe::film::SpectralChannels;
 use abbe::render::OutputRequest;
 use abbe::spectrum::{Library, WavelengthDistribution, xyz};
 use std::fmt::Write;
@@ -15,7 +15,7 @@ const BINS: usize = 47;
 fn request(lines_nm: &[f64]) -> OutputRequest {
     let channels = SpectralChannels::new([360.0, 830.0], BINS, lines_nm.to_vec());
     OutputRequest {
-        spectral: Some(SensorResponse::Spectral(channels)),
+        spectral: Some(channels),
         ..OutputRequest::default()
     }
 }

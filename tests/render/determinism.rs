@@ -92,24 +92,18 @@ fn any_order_of_pixels_gives_the_same_bytes() {
             .rev()
             .flat_map(|x| (0..crop.y1).rev().map(move |y| (x, y)))
         {
-            let wavelengths =
-                sample_pixel(&frame, &pass, (x, y), &request.response, &mut workspace);
+            let response = sample_pixel(&frame, &pass, (x, y), request.response, &mut workspace);
             let mut own = [0.0; 3];
             for contribution in &workspace.contributions {
                 if contribution.target == Target::OwnPixel {
-                    request
-                        .response
-                        .add(&wavelengths, &contribution.lanes, &mut own);
+                    let xyz = response.xyz(&contribution.lanes);
+                    (0..3).for_each(|c| own[c] += xyz[c]);
                 }
             }
             film.add_pixel(x, y, half, &own);
             for contribution in workspace.contributions.iter().rev() {
                 if let Target::Splat(raster) = contribution.target {
-                    let mut xyz = [0.0; 3];
-                    request
-                        .response
-                        .add(&wavelengths, &contribution.lanes, &mut xyz);
-                    film.add_splat(raster, half, &xyz);
+                    film.add_splat(raster, half, &response.xyz(&contribution.lanes));
                 }
             }
         }

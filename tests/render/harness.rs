@@ -1,6 +1,6 @@
 //! Renders small scenes in independent batches, so that every number comes with its standard error.
 
-use abbe::film::{Crop, SensorResponse, SpectralChannels};
+use abbe::film::{Crop, SpectralChannels};
 use abbe::io::scene_file::parse_str;
 use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render};
@@ -237,9 +237,9 @@ pub fn line_images(
     let lines: Vec<f64> = scene.wavelengths.atoms().map(|atom| atom.0).collect();
     let count = lines.len();
     let crop = scene.sensors[sensor].whole_film();
-    let response = SensorResponse::Spectral(SpectralChannels::new([360.0, 830.0], 0, lines));
+    let channels = SpectralChannels::new([360.0, 830.0], 0, lines);
     let request = OutputRequest {
-        spectral: Some(response),
+        spectral: Some(channels),
         ..OutputRequest::default()
     };
     (0..batches)

@@ -66,7 +66,7 @@ impl Variant {
 fn cones(loaded: &Loaded, sensor: usize, settings: &Settings) -> EpsilonChoice {
     let whole = loaded.scene.sensors[sensor].whole_film();
     let frame = Frame::new(&loaded.scene, sensor, settings, &whole, false);
-    epsilon::choose(&frame, &loaded.response())
+    epsilon::choose(&frame, loaded.response())
 }
 
 /// What the matrix depends on.

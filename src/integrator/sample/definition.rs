@@ -469,8 +469,7 @@ fn check(
             (0..resolution.height).flat_map(|y| (0..resolution.width).map(move |x| (x, y)))
         {
             take();
-            let wavelengths =
-                sample_pixel(&frame, &pass, (x, y), &SensorResponse::Xyz, &mut workspace);
+            let response = sample_pixel(&frame, &pass, (x, y), SensorResponse::Xyz, &mut workspace);
             for made in take() {
                 let path = Finished::new(&scene, 0, &workspace.light, &workspace.camera, &made);
                 let what = || {
@@ -487,7 +486,7 @@ fn check(
                     *lane *= planted;
                 }
                 for i in 0..path.len() {
-                    for k in 0..wavelengths.count() {
+                    for k in 0..response.wavelengths.count() {
                         let pairs = [
                             ("pf", made.pf[i][k], pf[i][k]),
                             ("pr", made.pr[i][k], pr[i][k]),

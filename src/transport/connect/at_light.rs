@@ -23,7 +23,7 @@ impl Joiner<'_> {
         let radiance = self.light(id).radiance(
             &vertex.point,
             vertex.toward_previous,
-            &self.context.wavelengths,
+            self.context.wavelengths(),
         );
         if radiance.is_black(self.context.count()) {
             return;
@@ -50,7 +50,7 @@ impl Joiner<'_> {
             let radiance = self.light(id).escaped_radiance(
                 escape.direction,
                 self.context.time,
-                &self.context.wavelengths,
+                self.context.wavelengths(),
             );
             if radiance.is_black(self.context.count()) {
                 continue;
@@ -103,7 +103,7 @@ impl Joiner<'_> {
                 0.0
             }
         } else {
-            self.direct_density(id, x1, &x0)
+            self.context.direct_density(id, x1, &x0)
         };
         let edge = Edge {
             camera_end: EdgeDensity::uniform(pf0),
@@ -144,7 +144,7 @@ impl Joiner<'_> {
         let light_context = self.context.light_context();
         let Some(direct) = self.light(id).sample_direct(
             &light_context,
-            &self.context.wavelengths,
+            self.context.wavelengths(),
             vertex.point.p,
             u0,
             DVec2::new(u[1], u[2]),
@@ -225,7 +225,7 @@ impl Joiner<'_> {
         let xk = camera.origin;
         let Some(direct) = self.light(id).sample_direct(
             &self.context.light_context(),
-            &self.context.wavelengths,
+            self.context.wavelengths(),
             xk.p,
             u0,
             DVec2::new(u[1], u[2]),

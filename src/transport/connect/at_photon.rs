@@ -82,7 +82,7 @@ impl Joiner<'_> {
                 self.whole_path_factors(photons.retraced, depth, (camera, j), &eval)
             } else {
                 let toward = (eval.pdf_light, eval.pdf_camera);
-                let (own, waves) = (self.techniques, &self.context.wavelengths);
+                let (own, waves) = (self.techniques, self.context.wavelengths());
                 merge_factors(&terms, &sensor, toward, own, waves)
             };
             let scale = vertex.throughput.scale * vertex.light_side_correction(w);
@@ -128,7 +128,7 @@ impl Joiner<'_> {
                 let techniques = if whole_set {
                     count
                 } else {
-                    self.context.wavelengths.multiplicity(k)
+                    self.context.wavelengths().multiplicity(k)
                 };
                 *raw = values[k] / (self.techniques.merging * techniques as f64);
             }
@@ -171,11 +171,11 @@ impl Joiner<'_> {
             light_columns: &light.columns,
             camera_columns: &camera.columns,
             edge,
-            direct: self.direct_of(light),
+            direct: light.direct,
             hittable_light: self.is_hittable(light.light),
         };
         let multipliers = Multipliers::new(&view, self.techniques);
-        let weights = merge_denominator(&multipliers, &self.context.wavelengths);
+        let weights = merge_denominator(&multipliers, self.context.wavelengths());
         for (k, factor) in factors.iter_mut().enumerate().take(self.context.count()) {
             *factor = weights.factor(k);
         }

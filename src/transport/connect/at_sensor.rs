@@ -3,27 +3,36 @@
 use super::{EndKind, Joiner, Strategy, light_end_factor};
 use crate::geometry::{Ray, SurfacePoint};
 use crate::light::HitMeasure;
+use crate::scene::Sensor;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Edge, EdgeDensity, PathView, VertexDensity};
 use crate::transport::subpath::{SensorHit, Subpath};
 use glam::DVec2;
 
 impl Joiner<'_> {
+    /// Numbers for a point of the sensor, where it has more than one.
+    fn lens_numbers(&mut self, sensor: &Sensor) -> DVec2 {
+        if sensor.camera.is_delta() {
+            return DVec2::ZERO;
+        }
+        let [u, v, _, _] = self.numbers.next4();
+        DVec2::new(u, v)
+    }
+
     /// t = 1: light vertex `i` is connected to the sensor.
     pub fn to_sensor(&mut self, light: &Subpath, i: usize, margin: f64) {
         let vertex = &light.vertices[i];
         if !self.wants(i + 2, 1) || !self.is_connectible(vertex) {
             return;
         }
-        let u = self.numbers.next4();
         let scene = self.context.scene;
         let sensor = &scene.sensors[self.context.sensor];
-        let Some(connection) = sensor.camera.sample_connection(
-            vertex.point.p,
-            DVec2::new(u[0], u[1]),
-            self.context.time,
-            margin,
-        ) else {
+        let u_lens = self.lens_numbers(sensor);
+        let Some(connection) =
+            sensor
+                .camera
+                .sample_connection(vertex.point.p, u_lens, self.context.time, margin)
+        else {
             return;
         };
         let toward = connection.toward;
@@ -73,7 +82,7 @@ impl Joiner<'_> {
                     light_columns: &light.columns,
                     camera_columns: &[],
                     edge,
-                    direct: self.direct_of(light),
+                    direct: light.direct,
                     hittable_light: self.is_hittable(light.light),
                 },
                 target: Target::Splat(connection.raster),
@@ -107,15 +116,14 @@ impl Joiner<'_> {
         let Some(surface) = light.origin.surface else {
             return;
         };
-        let u = self.numbers.next4();
         let scene = self.context.scene;
         let sensor = &scene.sensors[self.context.sensor];
-        let Some(connection) = sensor.camera.sample_connection(
-            light.origin.p,
-            DVec2::new(u[0], u[1]),
-            self.context.time,
-            margin,
-        ) else {
+        let u_lens = self.lens_numbers(sensor);
+        let Some(connection) =
+            sensor
+                .camera
+                .sample_connection(light.origin.p, u_lens, self.context.time, margin)
+        else {
             return;
         };
         let toward = connection.toward;
@@ -136,7 +144,7 @@ impl Joiner<'_> {
         };
         let radiance = self
             .light(id)
-            .radiance(&point, toward, &self.context.wavelengths);
+            .radiance(&point, toward, self.context.wavelengths());
         if radiance.is_black(self.context.count()) {
             return;
         }
@@ -205,7 +213,7 @@ impl Joiner<'_> {
                 let cos = hit.toward_previous.dot(light.vertices[i].point.ng).abs();
                 (
                     direction_density.area_density(cos, hit.distance * hit.distance),
-                    self.direct_of(light),
+                    light.direct,
                 )
             }
             None => {
@@ -217,7 +225,7 @@ impl Joiner<'_> {
                 );
                 (
                     direction_density.area_density(1.0, 1.0) * factor,
-                    self.direct_density(id, hit.xk.p, &light.origin),
+                    self.context.direct_density(id, hit.xk.p, &light.origin),
                 )
             }
         };
