@@ -154,7 +154,10 @@ fn misuse_is_explained() {
             "render scene.toml --crop 0,0,99,9",
             "error: crop 0,0,99,9 reaches beyond sensor \"camera\" of 24 x 16 pixels",
         ),
-        ("render scene.toml --time -1", "expected a number above 0"),
+        (
+            "render scene.toml --time -1",
+            "expected a time above 0 such as 10s, 2m or 1h",
+        ),
         (
             "render scene.toml --aov noise",
             "expected error, strategies, regularized, unbiased, bias, depth, normal, albedo or class:REGEX",

@@ -27,8 +27,8 @@ pub struct RenderOptions {
     /// The passes A, A+1, ..., B-1
     #[arg(long, value_name = "A..B", value_parser = values::passes)]
     pub passes: Option<Range<u32>>,
-    /// Stops after the pass in which this much time is used up, per sensor; without --spp or --passes there is no other limit
-    #[arg(long, value_name = "SECONDS", value_parser = values::positive, allow_negative_numbers = true)]
+    /// Stops after the pass in which this much time is used up, such as 90s or 2m, per sensor; without --spp or --passes there is no other limit
+    #[arg(long, value_name = "TIME", value_parser = values::seconds, allow_negative_numbers = true)]
     pub time: Option<f64>,
     /// Stops when the estimated relative error of the image is below R
     #[arg(long, value_name = "R", value_parser = values::positive, allow_negative_numbers = true)]

@@ -146,7 +146,7 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a number above 0".to_owned())
 }
 
-/// A time with an optional unit.
+/// A time in seconds, or with a unit.
 pub(super) fn seconds(text: &str) -> Result<f64, String> {
     let number = text.trim_end_matches(['s', 'm', 'h']);
     let unit = match &text[number.len()..] {
@@ -263,6 +263,16 @@ mod tests {
         );
         for wrong in ["1,2,3", "1,2,1,4", "1,2,3,2", "1,2,3,4,5", "a,b,c,d", ""] {
             assert!(crop(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn times_are_seconds_or_have_a_unit() {
+        for (text, value) in [("7.5", 7.5), ("90s", 90.0), ("2m", 120.0), ("0.5h", 1800.0)] {
+            assert_eq!(seconds(text), Ok(value), "{text}");
+        }
+        for wrong in ["0", "-1", "m", "2ms", "1d", "nan", "inf", "1e308h", ""] {
+            assert!(seconds(wrong).is_err(), "{wrong}");
         }
     }
 
