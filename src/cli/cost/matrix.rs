@@ -225,7 +225,10 @@ impl<'a> Base<'a> {
         let variant = |lanes| {
             let (id, label) = (
                 format!("lanes-{lanes}"),
-                format!("{lanes} wavelengths per path"),
+                match lanes {
+                    "1" => "1 wavelength per path".to_owned(),
+                    _ => format!("{lanes} wavelengths per path"),
+                },
             );
             let keys = [("lanes", lanes)];
             let mut variant = Variant::new(&id, &label, CostGroup::Effects, &keys);

@@ -177,7 +177,7 @@ fn effects_table(results: &[Outcomes]) -> String {
     let Some(base) = results.iter().find(|r| r.variant.id == BASE) else {
         return String::new();
     };
-    let mut html = "<div class=\"scroll\"><table id=\"effects\"><tr><th>the scene, but</th><th>time per sample</th><th>time to equal noise</th><th>error in equal time</th><th>error made by it, however long it runs</th></tr>"
+    let mut html = "<div class=\"scroll\"><table id=\"effects\"><tr><th>the scene, but</th><th>time per sample</th><th>time to equal noise</th><th>error in equal time</th><th>error beyond noise</th></tr>"
         .to_owned();
     let of_effects = |r: &&Outcomes| r.variant.groups.contains(&CostGroup::Effects);
     for result in results.iter().filter(of_effects) {

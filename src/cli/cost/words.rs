@@ -52,7 +52,7 @@ pub fn times(a: Spread, b: Spread) -> String {
     }
 }
 
-/// What would remain of the difference to the reference however long a variant runs.
+/// The difference to the reference that is no noise.
 #[must_use]
 pub fn remains(summary: &Summary) -> String {
     if summary.bias_noise > summary.bias.max(1.0) {
@@ -106,7 +106,7 @@ pub fn sentences(results: &[Outcomes], reference_variance: Option<f64>) -> Vec<S
             format!("; no bias above {}", percent(s.bias_noise))
         } else {
             format!(
-                "; a difference to the reference of {} would remain however long it runs (mean of the image {:+.1} %)",
+                "; its difference to the reference is {} beyond noise (mean of the image {:+.1} %)",
                 percent(s.bias),
                 100.0 * (s.mean_ratio - 1.0)
             )
