@@ -8,6 +8,7 @@ use super::args::BandingOptions;
 use super::compare::{bands, bands_json, region};
 use super::html::{escape, png_url};
 use super::load::{self, Loaded};
+use super::usage::Clock;
 use super::{CliError, Outcome, print, threads};
 use crate::film::{Crop, Filter};
 use crate::io::atomic::{check_writable, write_atomic};
@@ -19,7 +20,6 @@ use crate::spectrum::xyz::xyz_to_linear_srgb;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::time::Instant;
 
 /// Pixels between the pictures of the comparison.
 const GAP: usize = 4;
@@ -32,6 +32,7 @@ const OTHERS: [(&str, u64, f64); 2] = [("LuxRender", 250, 1900e6), ("SmallVCM", 
 struct Shot {
     method: &'static str,
     passes: usize,
+    /// CPU seconds of all threads.
     seconds: f64,
     xyz: Vec<f64>,
     shared: Option<SharedWavelengths>,
@@ -189,18 +190,20 @@ impl<'o> Study<'o> {
     ) -> Result<(Vec<Shot>, Memory), CliError> {
         let loaded = self.load("vcm", sharing, 0)?;
         let mut render = self.render(&loaded);
-        let start = Instant::now();
+        let mut clock = Clock::start();
         let mut shots = Vec::new();
         for pass in 0..self.passes.last().copied().unwrap_or(0) {
             render.add_pass(pass);
             if self.passes.contains(&(pass + 1)) {
+                let now = clock.read();
                 shots.push(Shot {
                     method,
                     passes: pass as usize + 1,
-                    seconds: start.elapsed().as_secs_f64(),
+                    seconds: now.0,
                     xyz: image(&render),
                     shared: render.shared_wavelengths(),
                 });
+                clock.skip_since(now);
             }
         }
         let counters = render.counters();
@@ -211,17 +214,18 @@ impl<'o> Study<'o> {
         Ok((shots, memory))
     }
 
-    /// Images without merging: after the same passes, and after the same time.
+    /// Images without merging: after the same passes, and after the same CPU time.
     fn bdpt(&self, merged: &[Shot]) -> Result<(Vec<Shot>, Vec<Shot>), CliError> {
         let loaded = self.load("bdpt", "hero", 0)?;
         let mut render = self.render(&loaded);
-        let start = Instant::now();
+        let mut clock = Clock::start();
         let (mut by_passes, mut by_time) = (Vec::new(), Vec::new());
         let mut pass = 0;
         while by_passes.len() < self.passes.len() || by_time.len() < merged.len() {
             render.add_pass(pass);
             pass += 1;
-            let seconds = start.elapsed().as_secs_f64();
+            let now = clock.read();
+            let seconds = now.0;
             let shot = |method| Shot {
                 method,
                 passes: pass as usize,
@@ -238,6 +242,7 @@ impl<'o> Study<'o> {
             {
                 by_time.push(shot("bdpt, as much time"));
             }
+            clock.skip_since(now);
         }
         Ok((by_passes, by_time))
     }
@@ -320,7 +325,7 @@ fn report_json(Findings { rows, memory, .. }: &Findings) -> Value {
             json!({
                 "method": row.shot.method,
                 "passes": row.shot.passes,
-                "seconds": row.shot.seconds,
+                "cpu_seconds": row.shot.seconds,
                 "banding": bands_json(&row.bands),
                 "rel_mse": row.rel_mse,
                 "distinct_wavelengths": row.shot.shared.map(|s| s.distinct),
@@ -387,7 +392,7 @@ fn page(options: &BandingOptions, found: &Findings, png: &[u8]) -> String {
         memory.at_full_hd() * 1e-6
     );
     format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Banding: {name}</title>\n<style>body{{font-family:sans-serif;margin:2em;max-width:1500px}}table{{border-collapse:collapse}}td,th{{padding:.2em .7em;text-align:right;border-bottom:1px solid #ccc}}th{{font-weight:normal;text-align:left}}img{{max-width:100%;image-rendering:pixelated}}</style></head><body>\n<h1>Banding: {name}</h1>\n<p>Where photons are merged, all paths of a pass share wavelengths and time; errors are then the same all along a line of one color. Columns of the picture: vcm; vcm with the wavelengths of successive passes kept apart; bdpt with as many passes; bdpt in as much time. Lines: {passes} passes.</p>\n<img alt=\"comparison\" src=\"{picture}\">\n<h2>Metrics</h2>\n<p>F-ratio: mean square error between lines of one color over that within; 1 for independent errors, above 2 there are bands. Coherent: the errors that whole lines share, relative to the mean. Participation: share of the lines that have their energy. The reference has {reference} passes of bdpt.</p>\n<table><tr><th></th><td>passes</td><td>seconds</td><td>F of X</td><td>F of Y</td><td>F of Z</td><td>coherent, Y</td><td>participation, Y</td><td>relMSE</td><td>wavelengths</td><td>largest gap, nm</td></tr>\n{body}</table>\n<h2>Memory of light vertices at 1920 x 1080</h2>\n<table><tr><th></th><td>bytes per vertex</td><td>vertices per light path</td><td>MB</td></tr>\n{table1}</table>\n</body></html>\n",
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Banding: {name}</title>\n<style>body{{font-family:sans-serif;margin:2em;max-width:1500px}}table{{border-collapse:collapse}}td,th{{padding:.2em .7em;text-align:right;border-bottom:1px solid #ccc}}th{{font-weight:normal;text-align:left}}img{{max-width:100%;image-rendering:pixelated}}</style></head><body>\n<h1>Banding: {name}</h1>\n<p>Where photons are merged, all paths of a pass share wavelengths and time; errors are then the same all along a line of one color. Columns of the picture: vcm; vcm with the wavelengths of successive passes kept apart; bdpt with as many passes; bdpt in as much CPU time. Lines: {passes} passes.</p>\n<img alt=\"comparison\" src=\"{picture}\">\n<h2>Metrics</h2>\n<p>F-ratio: mean square error between lines of one color over that within; 1 for independent errors, above 2 there are bands. Coherent: the errors that whole lines share, relative to the mean. Participation: share of the lines that have their energy. The reference has {reference} passes of bdpt.</p>\n<table><tr><th></th><td>passes</td><td>CPU seconds</td><td>F of X</td><td>F of Y</td><td>F of Z</td><td>coherent, Y</td><td>participation, Y</td><td>relMSE</td><td>wavelengths</td><td>largest gap, nm</td></tr>\n{body}</table>\n<h2>Memory of light vertices at 1920 x 1080</h2>\n<table><tr><th></th><td>bytes per vertex</td><td>vertices per light path</td><td>MB</td></tr>\n{table1}</table>\n</body></html>\n",
         passes = found
             .passes
             .iter()

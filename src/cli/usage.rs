@@ -5,6 +5,7 @@ use crate::geometry::Shape;
 use crate::light::Light;
 use crate::scene::Scene;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Unit of times in `/proc/self/stat` (USER_HZ, which the kernel fixes at 100 for user space).
 const TICKS_PER_SECOND: f64 = 100.0;
@@ -20,6 +21,45 @@ fn parse_cpu_seconds(stat: &str) -> Option<f64> {
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     let ticks = |i: usize| fields.get(i).and_then(|t| t.parse::<f64>().ok());
     Some((ticks(11)? + ticks(12)?) / TICKS_PER_SECOND)
+}
+
+/// CPU time of all threads (wall time where the system does not tell) and wall time, without what was spent on other things.
+pub struct Clock {
+    wall: Instant,
+    cpu: Option<f64>,
+    skipped: (f64, f64),
+}
+
+impl Clock {
+    /// Starts now.
+    #[must_use]
+    pub fn start() -> Self {
+        Self {
+            wall: Instant::now(),
+            cpu: cpu_seconds(),
+            skipped: (0.0, 0.0),
+        }
+    }
+
+    fn raw(&self) -> (f64, f64) {
+        let wall = self.wall.elapsed().as_secs_f64();
+        let cpu = self.cpu.and_then(|start| Some(cpu_seconds()? - start));
+        (cpu.unwrap_or(wall), wall)
+    }
+
+    /// CPU and wall seconds that count. The system counts CPU time in steps, so that the first may be 0: half a step then.
+    #[must_use]
+    pub fn read(&self) -> (f64, f64) {
+        let (cpu, wall) = self.raw();
+        ((cpu - self.skipped.0).max(0.005), wall - self.skipped.1)
+    }
+
+    /// What has passed since `reading` does not count.
+    pub fn skip_since(&mut self, reading: (f64, f64)) {
+        let (cpu, wall) = self.read();
+        self.skipped.0 += (cpu - reading.0).max(0.0);
+        self.skipped.1 += wall - reading.1;
+    }
 }
 
 /// Largest resident memory so far, in bytes.

@@ -7,7 +7,7 @@ use super::super::args::Aov;
 use super::super::image_output::{add_layers, xyz_image};
 use super::super::interrupt::Interrupt;
 use super::super::load::{self, Loaded};
-use super::super::usage::cpu_seconds;
+use super::super::usage::Clock;
 use super::super::{CliError, args::VERSION};
 use super::matrix::Variant;
 use crate::io::atomic::write_atomic;
@@ -17,7 +17,6 @@ use crate::render::{OutputRequest, Render};
 use serde::{Deserialize, Serialize};
 use std::io::Write as _;
 use std::path::Path;
-use std::time::Instant;
 
 /// The layer that holds one sample of the standard error of Y per pixel: the scaled difference of the halves.
 pub const NOISE_CHANNEL: &str = "noise.Y";
@@ -201,40 +200,4 @@ impl Plan<'_> {
 /// Rounded, so that what is read from a file is what was written.
 fn microseconds(seconds: f64) -> f64 {
     (seconds * 1e6).round() / 1e6
-}
-
-/// CPU and wall time without what was spent on other things.
-struct Clock {
-    wall: Instant,
-    cpu: Option<f64>,
-    skipped: (f64, f64),
-}
-
-impl Clock {
-    fn start() -> Self {
-        Self {
-            wall: Instant::now(),
-            cpu: cpu_seconds(),
-            skipped: (0.0, 0.0),
-        }
-    }
-
-    fn raw(&self) -> (f64, f64) {
-        let wall = self.wall.elapsed().as_secs_f64();
-        let cpu = self.cpu.and_then(|start| Some(cpu_seconds()? - start));
-        (cpu.unwrap_or(wall), wall)
-    }
-
-    /// CPU and wall seconds that count. The system counts CPU time in steps, so that the first may be 0: half a step then.
-    fn read(&self) -> (f64, f64) {
-        let (cpu, wall) = self.raw();
-        ((cpu - self.skipped.0).max(0.005), wall - self.skipped.1)
-    }
-
-    /// What has passed since `reading` does not count.
-    fn skip_since(&mut self, reading: (f64, f64)) {
-        let (cpu, wall) = self.read();
-        self.skipped.0 += (cpu - reading.0).max(0.0);
-        self.skipped.1 += wall - reading.1;
-    }
 }
