@@ -15,6 +15,9 @@ pub struct Case {
     /// Passes of path, light, bdpt.
     pub passes: [u32; 3],
     pub classes: &'static [&'static str],
+    /// The camera sees mirrors or smooth glass, in which light tracing shows nothing: of its image, classes are compared that
+    /// reach the camera from a rough surface.
+    pub specular_in_view: bool,
     /// Largest standard error of a difference, as a share of the mean.
     pub resolution: f64,
 }
@@ -84,13 +87,19 @@ pub fn run(case: &Case) -> (Scene, Settings, Measured) {
     let bdpt = bdpt.expect("invariant: every case runs bdpt");
     for (what, other) in [("path", path), ("light", light)] {
         let Some(other) = other else { continue };
-        compare(case.name, what, &other.y, &bdpt.y, case.resolution);
+        let blind = what == "light" && case.specular_in_view;
+        if !blind {
+            compare(case.name, what, &other.y, &bdpt.y, case.resolution);
+        }
         for (class, (a, b)) in case
             .classes
             .iter()
             .zip(other.classes.iter().zip(&bdpt.classes))
         {
             assert!(b.mean > 0.0, "{}: class {class} is empty", case.name);
+            if blind && class.ends_with("SE") {
+                continue;
+            }
             // a class is a part of the image: it resolves less of itself
             compare(
                 case.name,
@@ -100,7 +109,7 @@ pub fn run(case: &Case) -> (Scene, Settings, Measured) {
                 20.0 * case.resolution,
             );
         }
-        if what == "path" || case.passes[0] == 0 {
+        if what == "path" {
             assert_planted_error_is_seen(case.name, &other.y, &bdpt);
         }
     }
@@ -221,6 +230,7 @@ emission = { name = "D65", luminance = 4 }
         batches: 16,
         passes: [300, 300, 120],
         classes: &["LE", "LDE", "LDDE", "LDDDE"],
+        specular_in_view: false,
         resolution: 1.5e-3,
     });
 }
@@ -248,6 +258,7 @@ emission = 5
         batches: 16,
         passes: [300, 300, 120],
         classes: &["LDE", "LDDE"],
+        specular_in_view: false,
         resolution: 1.5e-3,
     });
 }
@@ -274,8 +285,9 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [400, 0, 160],
+        passes: [400, 150, 160],
         classes: &["LDE", "LDDE", "LDSSE"],
+        specular_in_view: true,
         resolution: 2.5e-3,
     });
 }
@@ -299,6 +311,7 @@ emission = 4
         batches: 16,
         passes: [300, 300, 100],
         classes: &["LDE", "LDDE", "LDDDE"],
+        specular_in_view: false,
         resolution: 2e-3,
     });
 }
@@ -322,8 +335,9 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [300, 0, 120],
+        passes: [300, 150, 120],
         classes: &["LDE", "LDDE", "LDSE", "LSDE"],
+        specular_in_view: true,
         resolution: 2e-3,
     });
 }
@@ -363,6 +377,7 @@ beam = { position = [0, 2, 0.2], direction = [-0.1, -1, 0], radius = 0.2, irradi
         batches: 16,
         passes: [1200, 4000, 500],
         classes: &["LE", "LDE", "LDDE"],
+        specular_in_view: false,
         resolution: 1.5e-3,
     });
 }
@@ -396,6 +411,7 @@ emission = 3
         batches: 16,
         passes: [300, 0, 80],
         classes: &["LDE", "LDDE", "LDDDE"],
+        specular_in_view: false,
         resolution: 2.5e-3,
     });
 }

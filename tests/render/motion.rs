@@ -106,8 +106,9 @@ motion = [{ about = [0, 1.9, 0.4], interpolation = "cubic", keys = [
         ),
         batches: 16,
         // light paths cannot reach the camera through a mirror
-        passes: [300, 0, 120],
-        classes: &["LDE", "LDDE", "LDSE"],
+        passes: [300, 150, 120],
+        classes: &["LDE", "LDDE", "LDSE", "LSDE"],
+        specular_in_view: true,
         resolution: 2e-3,
     };
     let found = run(&case);
@@ -137,8 +138,9 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [400, 0, 160],
+        passes: [400, 150, 160],
         classes: &["LDE", "LDDE", "LDSSE"],
+        specular_in_view: true,
         resolution: 2.5e-3,
     };
     let found = run(&case);
@@ -188,6 +190,7 @@ motion = [{ about = [0, 1.2, 0.9], keys = [{ time = 0, rotate = { axis = [0, 1, 
         batches: 16,
         passes: [300, 400, 120],
         classes: &["LDE", "LDDE"],
+        specular_in_view: false,
         resolution: 2.5e-3,
     });
 }
@@ -222,8 +225,9 @@ motion = [{ keys = [{ time = 0, translate = [-0.2, 0, 0] }, { time = 1, translat
 "#
         ),
         batches: 16,
-        passes: [500, 0, 200],
-        classes: &["LDE", "LDDE", "LDSE"],
+        passes: [500, 150, 200],
+        classes: &["LDE", "LDDE", "LDSE", "LSDE"],
+        specular_in_view: true,
         resolution: 3e-3,
     };
     let found = run(&case);
@@ -258,6 +262,7 @@ motion = [{ keys = [{ time = 0, rotate = { axis = [0.3, 1, 0], deg = -30 } }, { 
         batches: 16,
         passes: [500, 0, 220],
         classes: &["LE", "LDE", "LDDE"],
+        specular_in_view: false,
         resolution: 3e-3,
     });
 }
