@@ -4,7 +4,8 @@ use super::args::ConvertOptions;
 use super::{CliError, Outcome, print};
 use crate::io::atomic::{check_writable, folder, write_atomic};
 use crate::io::convert::scene_text;
-use crate::io::model::{self, ModelKind, Staging};
+use crate::io::model::Staging;
+use crate::io::model_file::{self, ModelKind};
 use std::io::Write as _;
 use std::path::Path;
 
@@ -15,7 +16,7 @@ pub fn run(options: &ConvertOptions) -> Result<Outcome, CliError> {
         .ok_or_else(|| CliError::file(path, "not a model (allowed: .gltf, .glb, .obj, .ply)"))?;
     check_writable(&options.output)?;
     let name = name_from(&options.output, path)?;
-    let read = model::load(path, kind, &Staging::default())
+    let read = model_file::load(path, kind, &Staging::default())
         .map_err(|message| CliError::file(path, message))?;
     for note in &read.notes {
         eprintln!("warning: {note}");

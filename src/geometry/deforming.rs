@@ -6,9 +6,9 @@
 //! shutter is then cut into segments with a tree each, as many as measured tests per ray pay for.
 
 use super::mesh::{self, MeshError, check, edges_pair_up, vec, winding_normal};
-use super::motion::Shutter;
 use super::ray::LocalRay;
 use super::shape::{LocalPoint, Shape};
+use super::shutter::Shutter;
 use super::tree::{self, Entry, Tree};
 use super::triangles::{Corners, Triangles};
 use super::{InstanceId, Mesh, Ray};

@@ -8,43 +8,12 @@
 //! |M''| by the product rule, for all points within a radius at once, so that no case (turns beyond half a turn, scaling
 //! while turning, a center far away) is special.
 
-use super::pose::Pose;
+use super::pose::{Pose, product_rule};
+use super::shutter::Shutter;
 use glam::{DAffine3, DMat3, DVec3};
 use std::borrow::Cow;
 use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// When the shutter is open, in seconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Shutter {
-    /// When it opens.
-    pub open_s: f64,
-    /// When it closes, not before it opens.
-    pub close_s: f64,
-}
-
-impl Shutter {
-    /// The moment at the fraction `u` of the shutter. Exactly `open_s` at 0.
-    #[must_use]
-    pub fn at(self, u: f64) -> f64 {
-        self.open_s + (self.close_s - self.open_s) * u
-    }
-
-    /// Whether it is open for a moment only.
-    #[must_use]
-    pub fn is_instant(self) -> bool {
-        self.close_s <= self.open_s
-    }
-
-    /// From the first to open to the last to close.
-    #[must_use]
-    pub fn union(self, other: Self) -> Self {
-        Self {
-            open_s: self.open_s.min(other.open_s),
-            close_s: self.close_s.max(other.close_s),
-        }
-    }
-}
 
 /// An affine map with its inverse.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -316,15 +285,6 @@ impl Motion {
         }
         (low, high)
     }
-}
-
-/// Bounds of a product and its first two derivatives from those of the factors.
-pub(super) fn product_rule(f: [f64; 3], g: [f64; 3]) -> [f64; 3] {
-    [
-        f[0] * g[0],
-        f[1] * g[0] + f[0] * g[1],
-        f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2],
-    ]
 }
 
 /// A bound of the factor by which `m` stretches any vector: exact for rotations and scalings along the axes.

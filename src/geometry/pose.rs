@@ -1,6 +1,6 @@
 //! A map keyed in translation, rotation and scale, each with keys of its own: a node of an animated hierarchy.
 
-use super::motion::{Shutter, product_rule};
+use super::shutter::Shutter;
 use super::track::{Interpolation, Span, Track, TrackError};
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
 
@@ -236,6 +236,15 @@ impl Pose {
             .map_or([0.0; 3], |t| t.bounds(a, b, DVec3::length));
         (product_rule(rotation, scale), offset)
     }
+}
+
+/// Bounds of a product and its first two derivatives from those of the factors.
+pub(super) fn product_rule(f: [f64; 3], g: [f64; 3]) -> [f64; 3] {
+    [
+        f[0] * g[0],
+        f[1] * g[0] + f[0] * g[1],
+        f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2],
+    ]
 }
 
 #[cfg(test)]

@@ -10,13 +10,12 @@
 //! u = 2^-24, the distance of a plane then errs by u (start of the ray) + 2u (corner of the node from it) + 2u (plane from it),
 //! the quotient by 2u (inverse direction) + 2u more, together 6e-7 at most, and boxes are padded by more.
 
-use super::tree_build;
 use glam::{DVec3, Vec3, Vec3A, Vec4};
 use prefetch_index::prefetch_index;
 use std::ops::Range;
 
 /// Added to boxes in the frame of the tree, which has coordinates up to 1; the bounds take twice that.
-const PADDING: f64 = 1e-6;
+pub(super) const PADDING: f64 = 1e-6;
 /// Components of directions (of which the longest is 1) below 1 / this are as good as zero.
 const MOST: f64 = 1e12;
 /// Children of a node.
@@ -72,14 +71,14 @@ impl Child {
 /// A tree of boxes, in the space of the boxes given.
 #[derive(Debug)]
 pub(super) struct Tree {
-    nodes: Vec<Node>,
+    pub(super) nodes: Vec<Node>,
     /// Pending nodes a traversal may have.
-    pending: usize,
+    pub(super) pending: usize,
     /// Middle of the bounds and 1 / the largest half side: the map to the frame of the tree.
-    center: DVec3,
-    inv_scale: f64,
+    pub(super) center: DVec3,
+    pub(super) inv_scale: f64,
     /// Padded bounds are `-reach..reach` in the frame of the tree.
-    reach: DVec3,
+    pub(super) reach: DVec3,
 }
 
 /// A ray in the frame of a tree, from where it reaches the bounds.
@@ -106,40 +105,6 @@ impl Entry {
 }
 
 impl Tree {
-    /// The tree over `count` boxes (1..2^29), at most `leaf_size` (1..=4) to a leaf, and the order in which its queries
-    /// number them: the i-th is box `order[i]`.
-    pub fn build(
-        count: usize,
-        leaf_size: usize,
-        bounds: impl Fn(usize) -> (DVec3, DVec3),
-    ) -> (Self, Vec<u32>) {
-        let (low, high) = (0..count)
-            .map(&bounds)
-            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-            .unwrap_or_default();
-        let center = low + (high - low) / 2.0;
-        let half = (high - low) / 2.0;
-        let largest = half.max_element();
-        let inv_scale = if largest > 0.0 { 1.0 / largest } else { 1.0 };
-        let frame = |p: DVec3| (p - center) * inv_scale;
-        let padded = |i: usize| {
-            // Unequal padding tells coincident boxes apart, of which the builder would pair one at a time.
-            let pad = PADDING * (1.0 + (i as f64 * 0.618_033_988_749_894_9).fract());
-            let (low, high) = bounds(i);
-            let (low, high) = (frame(low) - pad, frame(high) + pad);
-            (low.as_vec3a(), high.as_vec3a())
-        };
-        let (nodes, order) = tree_build::build(count, leaf_size, padded);
-        let tree = Self {
-            pending: pending(&nodes),
-            nodes,
-            center,
-            inv_scale,
-            reach: half * inv_scale + PADDING * 2.0,
-        };
-        (tree, order)
-    }
-
     /// Memory held, in bytes.
     pub fn bytes(&self) -> usize {
         std::mem::size_of_val(self.nodes.as_slice())
@@ -391,7 +356,7 @@ fn step(exponent: u8) -> f32 {
 }
 
 /// Most children pending at a time; children follow their parents.
-fn pending(nodes: &[Node]) -> usize {
+pub(super) fn pending(nodes: &[Node]) -> usize {
     let mut most = vec![0u32; nodes.len()];
     for (i, node) in nodes.iter().enumerate().rev() {
         let (mut count, mut below) = (0u32, 0);

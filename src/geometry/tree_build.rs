@@ -1,10 +1,10 @@
-//! Building the nodes of a [`super::tree::Tree`] with obvhs.
+//! Building a [`Tree`] with obvhs.
 //!
 //! The binary tree is the largest thing that building a scene holds, so no boxes are kept beside it, and what serves
 //! one step only is dropped before the next.
 
-use super::tree::{Node, WIDTH};
-use glam::Vec3A;
+use super::tree::{Node, PADDING, Tree, WIDTH, pending};
+use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::leaf_collapser::collapse;
@@ -23,8 +23,44 @@ const BINARY_COST: f32 = 3.0;
 /// What a test of a box's content costs, in visits of a wide node.
 const TEST_COST: f32 = 0.3;
 
+impl Tree {
+    /// The tree over `count` boxes (1..2^29), at most `leaf_size` (1..=4) to a leaf, and the order in which its queries
+    /// number them: the i-th is box `order[i]`.
+    pub fn build(
+        count: usize,
+        leaf_size: usize,
+        bounds: impl Fn(usize) -> (DVec3, DVec3),
+    ) -> (Self, Vec<u32>) {
+        let (low, high) = (0..count)
+            .map(&bounds)
+            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+            .unwrap_or_default();
+        let center = low + (high - low) / 2.0;
+        let half = (high - low) / 2.0;
+        let largest = half.max_element();
+        let inv_scale = if largest > 0.0 { 1.0 / largest } else { 1.0 };
+        let frame = |p: DVec3| (p - center) * inv_scale;
+        let padded = |i: usize| {
+            // Unequal padding tells coincident boxes apart, of which the builder would pair one at a time.
+            let pad = PADDING * (1.0 + (i as f64 * 0.618_033_988_749_894_9).fract());
+            let (low, high) = bounds(i);
+            let (low, high) = (frame(low) - pad, frame(high) + pad);
+            (low.as_vec3a(), high.as_vec3a())
+        };
+        let (nodes, order) = wide_nodes(count, leaf_size, padded);
+        let tree = Self {
+            pending: pending(&nodes),
+            nodes,
+            center,
+            inv_scale,
+            reach: half * inv_scale + PADDING * 2.0,
+        };
+        (tree, order)
+    }
+}
+
 /// Nodes, parents before children, and the order of the boxes in their leaves.
-pub(super) fn build(
+fn wide_nodes(
     count: usize,
     leaf_size: usize,
     bounds: impl Fn(usize) -> (Vec3A, Vec3A),

@@ -1,6 +1,7 @@
 //! Scene files written from models: the model stays a file of its own, cameras and stand-in lights become editable text.
 
-use super::model::{Model, ModelCamera, ModelKind, Projection, standard_camera};
+use super::model::{Model, ModelCamera, Projection, standard_camera};
+use super::model_file::ModelKind;
 use std::fmt::Write as _;
 
 /// The smallest scene file with the model `file`: its own cameras and lights, or those that stand in.
@@ -106,7 +107,8 @@ fn sensor_table(camera: &ModelCamera, index: usize, several: bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::model::{Staging, load};
+    use crate::io::model::Staging;
+    use crate::io::model_file::load;
     use crate::io::scene_file::parse_str;
 
     #[test]

@@ -8,6 +8,7 @@ mod exr_header;
 pub mod gltf;
 pub mod image_file;
 pub mod model;
+pub mod model_file;
 pub mod mtl;
 pub mod obj;
 pub mod part;

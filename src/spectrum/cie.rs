@@ -5,7 +5,7 @@
 
 use std::sync::LazyLock;
 
-use super::library;
+use super::embedded;
 
 /// First wavelength of the observer in nanometers.
 pub const FIRST_NM: f64 = 360.0;
@@ -15,7 +15,7 @@ pub const LAST_NM: f64 = 830.0;
 pub const N_Y: f64 = 106.856_917_101_172_03;
 
 static CMF: LazyLock<Vec<[f64; 3]>> = LazyLock::new(|| {
-    let columns = library::embedded_columns("cie/cmf_1931_2deg.csv");
+    let columns = embedded::embedded_columns("cie/cmf_1931_2deg.csv");
     (0..=470)
         .map(|i| std::array::from_fn(|c| columns[c].1.eval(FIRST_NM + f64::from(i))))
         .collect()

@@ -3,7 +3,7 @@
 //! Lines are atoms of the wavelength measure, never narrow boxes. Invariant: the lines are sorted by wavelength
 //! without repetition, so that a bitwise lookup finds the one line at a wavelength.
 
-use super::{Curve, SampledSpectrum, SampledWavelengths, cie, library, upsample};
+use super::{Curve, SampledSpectrum, SampledWavelengths, cie, illuminant, upsample};
 
 /// One emission line: all its power at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,9 +67,9 @@ impl Emission {
         }
         // Half of full reflectance keeps the fit away from the bounds.
         let reflectance = upsample::reflectance(rgb.map(|v| 0.5 * v / max));
-        let d65 = library::d65()
+        let d65 = illuminant::d65()
             .clone()
-            .scaled(2.0 * max * library::d65_unit_factor());
+            .scaled(2.0 * max * illuminant::d65_unit_factor());
         Self::from_curve(Curve::Product(Box::new(reflectance), Box::new(d65)))
     }
 

@@ -10,41 +10,14 @@ use strsim::levenshtein;
 
 use thiserror::Error;
 
+use super::embedded::{FILES, columns};
 use super::emission::Line;
-use super::read::{MAX_FILE_BYTES, Table, parse_table};
-use super::{Curve, Emission, Ior, xyz};
+use super::read::{MAX_FILE_BYTES, parse_table};
+use super::{Curve, Emission, Ior};
 
 pub use super::read::{
     SpectrumFileError, fuzz_curve, fuzz_glass, parse_curve_csv, parse_glass_toml,
 };
-
-macro_rules! embedded {
-    ($($path:literal),* $(,)?) => {
-        [$(($path, include_str!(concat!("../../spectra/", $path)))),*]
-    };
-}
-
-/// The files built in, by their path in `spectra/`.
-const FILES: [(&str, &str); 18] = embedded![
-    "cie/A.csv",
-    "cie/D50.csv",
-    "cie/D65.csv",
-    "cie/E.csv",
-    "cie/F2.csv",
-    "cie/F11.csv",
-    "cie/cmf_1931_2deg.csv",
-    "emission/Cd.csv",
-    "emission/H.csv",
-    "emission/Hg.csv",
-    "emission/Na.csv",
-    "glass/hikari.toml",
-    "glass/material.toml",
-    "glass/ohara.toml",
-    "glass/schott.toml",
-    "metal/metal.toml",
-    "reflectance/colorchecker.csv",
-    "reflectance/srgb.csv",
-];
 
 /// Folders a library is read from.
 const FOLDERS: [&str; 5] = ["cie", "emission", "glass", "metal", "reflectance"];
@@ -61,40 +34,6 @@ static EMBEDDED: LazyLock<Library> = LazyLock::new(|| {
     }
     library
 });
-
-static D65: LazyLock<Curve> =
-    LazyLock::new(|| EMBEDDED.curve("D65").expect("invariant: D65 is built in"));
-static D65_UNIT_FACTOR: LazyLock<f64> = LazyLock::new(|| 1.0 / xyz::curve_to_xyz(&D65)[1]);
-
-/// CIE illuminant D65, 100 at 560 nm.
-#[must_use]
-pub fn d65() -> &'static Curve {
-    &D65
-}
-
-/// The factor that gives [`d65`] Y = 1.
-#[must_use]
-pub fn d65_unit_factor() -> f64 {
-    *D65_UNIT_FACTOR
-}
-
-/// The columns of a built-in CSV file.
-pub(super) fn embedded_columns(path: &str) -> Vec<(String, Curve)> {
-    let (_, text) = FILES
-        .iter()
-        .find(|f| f.0 == path)
-        .expect("invariant: the file is in the list of built-in ones");
-    columns(parse_table(text).expect("invariant: the built-in spectra are well formed"))
-}
-
-fn columns(table: Table) -> Vec<(String, Curve)> {
-    let nm = table.nm;
-    table
-        .columns
-        .into_iter()
-        .map(|(name, values)| (name, Curve::table(&nm, &values)))
-        .collect()
-}
 
 /// Why a named thing was not found or a folder not read.
 #[derive(Debug, Error)]

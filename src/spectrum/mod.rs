@@ -2,7 +2,9 @@
 
 pub mod cie;
 pub mod curve;
+mod embedded;
 pub mod emission;
+mod illuminant;
 pub mod ior;
 pub mod library;
 mod read;

@@ -8,14 +8,14 @@ use std::sync::LazyLock;
 
 use glam::{DMat3, DVec3};
 
-use super::{Curve, SampledSpectrum, SampledWavelengths, cie, library, xyz};
+use super::{Curve, SampledSpectrum, SampledWavelengths, cie, embedded, illuminant, xyz};
 
 /// Weight of every nanometer from 360 to 830 in linear sRGB under D65; each channel sums to 1.
 static WEIGHTS: LazyLock<Vec<DVec3>> = LazyLock::new(|| {
     let weights: Vec<DVec3> = (360..=830)
         .map(f64::from)
         .map(|l| {
-            let d65 = library::d65().eval(l);
+            let d65 = illuminant::d65().eval(l);
             DVec3::from(xyz::xyz_to_linear_srgb(cie::cmf(l).map(|w| w * d65)))
         })
         .collect();
@@ -26,7 +26,7 @@ static WEIGHTS: LazyLock<Vec<DVec3>> = LazyLock::new(|| {
 /// Smooth reflectances with the linear sRGB `[1, 0, 0]`, `[0, 1, 0]`, `[0, 0, 1]` under D65, which add up to 1
 /// (after Mallett and Yuksel, EGSR 2019).
 static PRIMARIES: LazyLock<[Curve; 3]> = LazyLock::new(|| {
-    let mut columns = library::embedded_columns("reflectance/srgb.csv").into_iter();
+    let mut columns = embedded::embedded_columns("reflectance/srgb.csv").into_iter();
     std::array::from_fn(|_| columns.next().map_or(Curve::Constant(0.0), |c| c.1))
 });
 
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn the_round_trip_holds_with_standard_matrices_too() {
         let rgb = [0.8, 0.1, 0.3];
-        let xyz = xyz::reflectance_to_xyz(&reflectance(rgb), library::d65());
+        let xyz = xyz::reflectance_to_xyz(&reflectance(rgb), illuminant::d65());
         let back = xyz::xyz_to_linear_srgb(xyz);
         for c in 0..3 {
             assert!((back[c] - rgb[c]).abs() < 1e-3, "{back:?}");

@@ -2,7 +2,7 @@
 
 use super::values::{finite, key_value, positive};
 use crate::cli::CliError;
-use crate::io::model::ModelKind;
+use crate::io::model_file::ModelKind;
 use clap::Args;
 use std::path::Path;
 

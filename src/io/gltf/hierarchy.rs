@@ -4,12 +4,15 @@
 //! on the way down; only the animated ones are kept apart.
 
 use super::animation::{AllMoves, keeps_its_size};
-use super::nodes::{finite, local, rigid};
 use super::{Fault, Reader};
 use crate::geometry::pose::{Arcs, Pose, Rotation};
 use crate::geometry::track::{Interpolation, Track};
 use crate::geometry::{Link, Shutter, Transform};
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
+use gltf::json::scene::Node;
+
+/// Largest coordinate of a placement.
+const LARGEST: f64 = 1e30;
 
 /// Most animated nodes above one another.
 const MAX_DEPTH: usize = 256;
@@ -252,5 +255,56 @@ fn rigid_link(link: &Link) -> Option<Link> {
                 })
             })
         }
+    }
+}
+
+/// The placement of a node in its parent.
+fn local(node: &Node, i: usize) -> Result<DAffine3, Fault> {
+    let map = match &node.matrix {
+        Some(matrix) => DAffine3::from_mat4(DMat4::from_cols_array(&matrix.map(f64::from))),
+        None => {
+            let vector = |v: Option<[f32; 3]>, default: DVec3| {
+                v.map_or(default, |v| DVec3::from(v.map(f64::from)))
+            };
+            let rotation = node
+                .rotation
+                .map_or(DQuat::IDENTITY, |r| DQuat::from_array(r.0.map(f64::from)));
+            let length = rotation.length();
+            if !(length > 0.0 && length.is_finite()) {
+                return Err(Fault::new(format!(
+                    "the transform of node {i} is not finite"
+                )));
+            }
+            DAffine3::from_scale_rotation_translation(
+                vector(node.scale, DVec3::ONE),
+                rotation / length,
+                vector(node.translation, DVec3::ZERO),
+            )
+        }
+    };
+    if finite(&map) {
+        Ok(map)
+    } else {
+        Err(Fault::new(format!(
+            "the transform of node {i} is not finite"
+        )))
+    }
+}
+
+fn finite(map: &DAffine3) -> bool {
+    map.to_cols_array().iter().all(|v| v.abs() <= LARGEST)
+}
+
+/// The nearest rigid motion: cameras do not scale what they see.
+pub(super) fn rigid(world: &DAffine3) -> DAffine3 {
+    let back = world.matrix3.z_axis.normalize_or(DVec3::Z);
+    let up = world.matrix3.y_axis;
+    let right = up
+        .cross(back)
+        .try_normalize()
+        .unwrap_or_else(|| back.any_orthonormal_vector());
+    DAffine3 {
+        matrix3: glam::DMat3::from_cols(right, back.cross(right), back),
+        translation: world.translation,
     }
 }

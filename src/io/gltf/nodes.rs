@@ -2,7 +2,7 @@
 
 use super::animation::AllMoves;
 use super::deform::{self, Deformation};
-use super::hierarchy::{Hierarchy, Place};
+use super::hierarchy::{Hierarchy, Place, rigid};
 use super::material::{Converted, PER_NIT, coordinate_set, has_volume};
 use super::mesh::Arrays;
 use super::{Fault, MAX_TRIANGLES, Reader};
@@ -17,18 +17,14 @@ use crate::material::MaterialId;
 use crate::medium::{Boundary, MediumId};
 use crate::scene::description::{AreaEmission, LightDescription, ObjectDescription};
 use crate::spectrum::Emission;
-use glam::{DAffine3, DMat4, DQuat, DVec3};
+use glam::DAffine3;
 use gltf::json::camera::Camera;
 use gltf::json::extensions::scene::khr_lights_punctual::{Light as Punctual, Type as LightType};
 use gltf::json::material::Material as Source;
-use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
-
-/// Largest coordinate of a placement.
-const LARGEST: f64 = 1e30;
 
 /// All primitives of one material of a mesh.
 #[derive(Clone)]
@@ -432,57 +428,6 @@ impl Reader<'_> {
         );
         made.materials.insert((id, solid), new.clone());
         Ok(new)
-    }
-}
-
-/// The placement of a node in its parent.
-pub(super) fn local(node: &Node, i: usize) -> Result<DAffine3, Fault> {
-    let map = match &node.matrix {
-        Some(matrix) => DAffine3::from_mat4(DMat4::from_cols_array(&matrix.map(f64::from))),
-        None => {
-            let vector = |v: Option<[f32; 3]>, default: DVec3| {
-                v.map_or(default, |v| DVec3::from(v.map(f64::from)))
-            };
-            let rotation = node
-                .rotation
-                .map_or(DQuat::IDENTITY, |r| DQuat::from_array(r.0.map(f64::from)));
-            let length = rotation.length();
-            if !(length > 0.0 && length.is_finite()) {
-                return Err(Fault::new(format!(
-                    "the transform of node {i} is not finite"
-                )));
-            }
-            DAffine3::from_scale_rotation_translation(
-                vector(node.scale, DVec3::ONE),
-                rotation / length,
-                vector(node.translation, DVec3::ZERO),
-            )
-        }
-    };
-    if finite(&map) {
-        Ok(map)
-    } else {
-        Err(Fault::new(format!(
-            "the transform of node {i} is not finite"
-        )))
-    }
-}
-
-pub(super) fn finite(map: &DAffine3) -> bool {
-    map.to_cols_array().iter().all(|v| v.abs() <= LARGEST)
-}
-
-/// The nearest rigid motion: cameras do not scale what they see.
-pub(super) fn rigid(world: &DAffine3) -> DAffine3 {
-    let back = world.matrix3.z_axis.normalize_or(DVec3::Z);
-    let up = world.matrix3.y_axis;
-    let right = up
-        .cross(back)
-        .try_normalize()
-        .unwrap_or_else(|| back.any_orthonormal_vector());
-    DAffine3 {
-        matrix3: glam::DMat3::from_cols(right, back.cross(right), back),
-        translation: world.translation,
     }
 }
 

@@ -17,7 +17,7 @@ pub use schema::OutputUnits;
 
 use crate::io::atomic::folder;
 use crate::io::convert::shortest_scene;
-use crate::io::model::ModelKind;
+use crate::io::model_file::ModelKind;
 use crate::math::hash::combine;
 use crate::scene::description::SceneDescription;
 use crate::scene::settings::Settings;

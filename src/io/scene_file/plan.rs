@@ -3,7 +3,8 @@
 
 use super::schema::{FilterName, OutputUnits};
 use crate::geometry::{Link, Shutter};
-use crate::io::model::{ModelKind, Staging};
+use crate::io::model::Staging;
+use crate::io::model_file::ModelKind;
 use crate::medium::Boundary;
 use crate::scene::description::WavelengthSettings;
 use crate::scene::settings::Settings;

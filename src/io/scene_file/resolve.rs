@@ -17,7 +17,7 @@ use crate::camera::perspective::{Perspective, ThinLens};
 use crate::camera::{Camera, Resolution};
 use crate::film::Filter as FilmFilter;
 use crate::geometry::{Link, Shape, Shutter, Transform};
-use crate::io::model::ModelKind;
+use crate::io::model_file::ModelKind;
 use crate::io::{obj, ply};
 use crate::light::Light;
 use crate::light::beam::BeamLight;

@@ -7,6 +7,7 @@ mod render;
 mod sensor;
 mod spectrum;
 mod texture;
+mod transform;
 
 use super::document::Source;
 use super::error::{Problem, SceneFileError};

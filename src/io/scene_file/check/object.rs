@@ -6,15 +6,16 @@ use super::super::plan::{
     ObjectPlan, ShapePlan, Span,
 };
 use super::super::schema::{
-    At, Environment, Light, Material, Mesh, Model, NameOr, Named, Object, Quad, Render, Scale,
-    TransformStep,
+    At, Environment, Light, Material, Mesh, Model, NameOr, Named, Object, Quad, Render,
 };
 use super::motion::May;
 use super::sensor::{DEFAULT_RESOLUTION, FILTER_RADIUS};
 use super::spectrum::Use;
+use super::transform::euler;
 use super::{Allowed, Checker, FINITE, NON_NEGATIVE, POSITIVE, label};
 use crate::io::image_file::MAX_IMAGE_BYTES;
-use crate::io::model::{MAX_MODEL_BYTES, ModelKind, Staging};
+use crate::io::model::{MAX_MODEL_BYTES, Staging};
+use crate::io::model_file::ModelKind;
 use crate::medium::{Boundary, MediumId};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
@@ -414,50 +415,6 @@ impl Checker<'_> {
         ))
     }
 
-    fn transform(&mut self, steps: &[At<TransformStep>]) -> DAffine3 {
-        let mut all = DAffine3::IDENTITY;
-        for step in steps {
-            let at = step.span();
-            let mut finite = |values: &[f64]| {
-                for v in values {
-                    self.number_at("transform", *v, &at, super::FINITE);
-                }
-            };
-            let map = match *step.get_ref() {
-                TransformStep::Translate(t) => {
-                    finite(&t);
-                    DAffine3::from_translation(DVec3::from_array(t) * self.unit_m)
-                }
-                TransformStep::Rotate(r) => {
-                    finite(&[r.deg]);
-                    let axis = self.direction("axis", &At::new(at.clone(), r.axis));
-                    DAffine3::from_axis_angle(axis, r.deg.to_radians())
-                }
-                TransformStep::EulerDeg(e) => {
-                    finite(&e);
-                    DAffine3::from_mat3(euler(DVec3::from_array(e)))
-                }
-                TransformStep::Scale(s) => {
-                    let s = match s {
-                        Scale::Uniform(s) => [s; 3],
-                        Scale::PerAxis(s) => s,
-                    };
-                    finite(&s);
-                    if s.contains(&0.0) {
-                        self.conflict(&at, "scale is 0 (allowed: any other number)");
-                    }
-                    DAffine3::from_scale(DVec3::from_array(s))
-                }
-                TransformStep::Matrix(rows) => {
-                    rows.iter().for_each(|r| finite(r));
-                    affine(&rows, self.unit_m)
-                }
-            };
-            all = map * all;
-        }
-        all
-    }
-
     fn medium_id(&mut self, name: &At<String>, media: &[&str]) -> MediumId {
         let found = media.iter().position(|m| m == name.get_ref());
         if found.is_none() {
@@ -598,21 +555,6 @@ impl Checker<'_> {
     }
 }
 
-/// The rotation about x, then y, then z, in degrees.
-fn euler(deg: DVec3) -> DMat3 {
-    let [x, y, z] = deg.to_array().map(f64::to_radians);
-    DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x)
-}
-
 fn placed(map: DMat3, center: DVec3) -> DAffine3 {
     DAffine3::from_mat3_translation(map, center)
-}
-
-/// The affine map of three matrix rows, its translation in metres.
-pub(super) fn affine(rows: &[[f64; 4]; 3], unit_m: f64) -> DAffine3 {
-    let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
-    DAffine3::from_mat3_translation(
-        DMat3::from_cols(column(0), column(1), column(2)),
-        column(3) * unit_m,
-    )
 }

@@ -3,7 +3,7 @@
 use super::super::plan::{SensorKind, SensorPlan, Span};
 use super::super::schema::{At, Detector, Orthographic, Perspective, Render, Sensor};
 use super::motion::May;
-use super::object::affine;
+use super::transform::affine;
 use super::{Allowed, Checker, NON_NEGATIVE, POSITIVE, label};
 use crate::io::model::MAX_PIXELS;
 use glam::{DAffine3, DMat3, DVec3};

@@ -6,6 +6,7 @@ use super::{Resolver, film_filter};
 use crate::camera::Resolution;
 use crate::io::gltf::PER_NIT;
 use crate::io::model::{self, ModelCamera, Staging};
+use crate::io::model_file;
 use crate::light::Light;
 use crate::light::environment::EnvironmentLight;
 use crate::light::environment_image::EnvironmentImage;
@@ -54,7 +55,7 @@ impl Resolver<'_> {
                 shutter: self.shutter,
                 ..m.staging.clone()
             };
-            let mut read = match model::load(&m.path, m.kind, &staging) {
+            let mut read = match model_file::load(&m.path, m.kind, &staging) {
                 Ok(read) => read,
                 Err(message) => {
                     self.bad_file(&m.at, &m.name, message);

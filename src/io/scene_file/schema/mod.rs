@@ -9,9 +9,10 @@ mod render;
 mod sensor;
 mod spectrum;
 mod texture;
+mod transform;
 
 pub use motion::{InterpolationName, Motion, MotionKey};
-pub use object::{Environment, Light, Mesh, Model, Object, Quad, Scale, TransformStep};
+pub use object::{Environment, Light, Mesh, Model, Object, Quad};
 pub use optics::{
     Absorption, Coated, Conductor, Dielectric, Diffuse, Lobe, Material, Medium, Mirror, Thin,
 };
@@ -22,6 +23,7 @@ pub use render::{
 pub use sensor::{Detector, Orthographic, Perspective, Sensor};
 pub use spectrum::{Spectrum, SpectrumTable};
 pub use texture::{ChannelName, Encoding, Scalar, TextureFilter, TextureSource, TextureWrap};
+pub use transform::{Scale, TransformStep};
 
 use serde::Deserialize;
 use serde::de::value::MapAccessDeserializer;

@@ -1,7 +1,7 @@
 //! `motion` of objects, lights and sensors.
 
 use super::At;
-use super::object::{Rotation, Scale};
+use super::transform::{Rotation, Scale};
 use serde::Deserialize;
 
 /// What moves a thing after it has been placed.

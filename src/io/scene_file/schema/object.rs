@@ -2,6 +2,7 @@
 
 use super::motion::Motion;
 use super::spectrum::Spectrum;
+use super::transform::TransformStep;
 use super::{At, NameOr};
 use serde::Deserialize;
 
@@ -103,33 +104,6 @@ pub struct Cylinder {
 pub struct Box {
     pub min: At<[f64; 3]>,
     pub max: At<[f64; 3]>,
-}
-
-/// One step of a transform; steps apply in the order of the list.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum TransformStep {
-    Translate([f64; 3]),
-    Rotate(Rotation),
-    /// About x, then y, then z.
-    EulerDeg([f64; 3]),
-    Scale(Scale),
-    /// Rows of a 3×4 affine matrix.
-    Matrix([[f64; 4]; 3]),
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Rotation {
-    pub axis: [f64; 3],
-    pub deg: f64,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(untagged, expecting = "expected a number or [x, y, z]")]
-pub enum Scale {
-    Uniform(f64),
-    PerAxis([f64; 3]),
 }
 
 /// Media on both sides of a surface that is not closed.
