@@ -2,7 +2,7 @@
 
 use super::CliError;
 use super::args::VERSION;
-use crate::film::{Filter, SensorResponse};
+use crate::film::Filter;
 use crate::io::part::{PartHeader, PassRange};
 use crate::io::scene_file::document::hash_bytes;
 use crate::io::scene_file::{self, OutputUnits};
@@ -11,6 +11,7 @@ use crate::scene::description::{WavelengthChoice, WavelengthSettings};
 use crate::scene::frozen::Frozen;
 use crate::scene::settings::{Heuristic, IntegratorKind, Regularize, Sharing};
 use crate::scene::{Scene, Settings};
+use crate::spectrum::SensorResponse;
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -5,10 +5,8 @@
 
 pub mod filter;
 pub mod fixed;
-pub mod sensor_response;
 
 pub use filter::Filter;
-pub use sensor_response::{LaneResponse, SensorResponse, SpectralChannels};
 
 use fixed::{FixedSum, Unrepresentable};
 use glam::DVec2;

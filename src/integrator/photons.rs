@@ -1,8 +1,8 @@
 //! The first phase of a pass with merging: light sub-paths, before any camera sub-path.
 
 use super::sample::{Frame, begin, start_light};
-use crate::film::SensorResponse;
 use crate::medium::MediumLanes;
+use crate::spectrum::SensorResponse;
 use crate::transport::{Counters, PassSettings, PhotonBuffer, Subpath};
 
 /// Traces light sub-paths and stores their vertices, with the buffers of one thread.

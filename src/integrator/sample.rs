@@ -4,7 +4,7 @@
 //! need; the walk, the connections and the weights are the same code.
 
 use crate::bsdf::Side;
-use crate::film::{Crop, LaneResponse, SensorResponse};
+use crate::film::Crop;
 use crate::geometry::{EndPoint, Ray};
 use crate::medium::MediumLanes;
 use crate::sampler::{Sampler, Stream};
@@ -12,6 +12,7 @@ use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::{IntegratorKind, Sharing};
 use crate::scene::{Scene, Settings};
 use crate::spectrum::SampledSpectrum;
+use crate::spectrum::{LaneResponse, SensorResponse};
 use crate::transport::connect::{Joiner, Photons, light_end_factor};
 use crate::transport::context::SharedSample;
 use crate::transport::subpath::Vertex;

@@ -10,10 +10,11 @@
 //! Invariant: a function of scene and settings without the seed, so that all parts of a render agree.
 
 use crate::bsdf::Label;
-use crate::film::{Crop, SensorResponse};
+use crate::film::Crop;
 use crate::integrator::{Frame, Workspace, sample_pixel};
 use crate::light::LightId;
 use crate::scene::Settings;
+use crate::spectrum::SensorResponse;
 use crate::transport::{Cone, PassSettings, Subpath, Target};
 use glam::DVec2;
 use rayon::prelude::*;

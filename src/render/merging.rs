@@ -7,11 +7,12 @@
 //! Invariant: r₁ is a function of scene and settings without the seed, so that all parts of a render agree.
 
 use super::pilot::{PASS, SAMPLES, lattice};
-use crate::film::{Crop, SensorResponse};
+use crate::film::Crop;
 use crate::integrator::{Frame, PhotonTracer, Workspace, sample_pixel};
 use crate::math::hash::{combine, random_bits, unit_f64};
 use crate::scene::Settings;
 use crate::scene::settings::Sharing;
+use crate::spectrum::SensorResponse;
 use crate::transport::context::SharedSample;
 use crate::transport::photons::bytes_per_vertex;
 use crate::transport::{Counters, PassSettings, PhotonBuffer, PhotonMap};

@@ -1,6 +1,7 @@
 //! Which images are kept besides XYZ: spectral bins, one image per strategy, one per path class, the share of regularized strategies.
 
-use crate::film::{Crop, Film, Filter, LaneResponse, SensorResponse, SpectralChannels};
+use crate::film::{Crop, Film, Filter};
+use crate::spectrum::{LaneResponse, SensorResponse, SpectralChannels};
 use crate::transport::{Contribution, Target};
 use regex::Regex;
 use std::collections::BTreeMap;

@@ -1,7 +1,8 @@
 //! Short runs before the first pass, for what all passes must agree on.
 
-use crate::film::{Crop, SensorResponse};
+use crate::film::Crop;
 use crate::integrator::{Frame, Workspace, sample_pixel};
+use crate::spectrum::SensorResponse;
 use crate::transport::{Cone, PassSettings};
 
 /// Samples of a pilot.

@@ -2,7 +2,7 @@
 //!
 //! The raw mean is what the strategy alone would estimate for the class; all strategies that can make a class agree on it.
 
-use crate::film::LaneResponse;
+use crate::spectrum::LaneResponse;
 use crate::transport::Contribution;
 use crate::transport::class::PathClass;
 use std::collections::BTreeMap;

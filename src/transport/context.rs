@@ -1,11 +1,11 @@
 //! What all paths of a pass share, what one path pair shares, and what is counted on the way.
 
 use super::regularize::Cone;
-use crate::film::LaneResponse;
 use crate::geometry::{EndPoint, InstanceId, Ray};
 use crate::light::{LightContext, LightId};
 use crate::medium::{MediumId, MediumLanes, Region};
 use crate::scene::Scene;
+use crate::spectrum::LaneResponse;
 use crate::spectrum::{MAX_LANES, SampledSpectrum, SampledWavelengths};
 use glam::DVec3;
 

@@ -2,8 +2,9 @@
 
 use crate::python::{python, read_exr};
 use crate::rendered::render_crop;
-use abbe::film::{Crop, SpectralChannels};
+use abbe::film::Crop;
 use abbe::render::OutputRequest;
+use abbe::spectrum::SpectralChannels;
 use serde_json::{Value, json};
 use std::process::Command;
 

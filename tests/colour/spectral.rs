@@ -2,8 +2,8 @@
 
 use crate::lamps::WALL;
 use crate::rendered::{Rendered, lamp, render, settings};
-use abbe::film::SpectralChannels;
 use abbe::render::OutputRequest;
+use abbe::spectrum::SpectralChannels;
 use abbe::spectrum::{Library, WavelengthDistribution, xyz};
 use std::fmt::Write;
 

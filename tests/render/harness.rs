@@ -1,11 +1,12 @@
 //! Renders small scenes in independent batches, so that every number comes with its standard error.
 
-use abbe::film::{Crop, SpectralChannels};
+use abbe::film::Crop;
 use abbe::io::scene_file::parse_str;
 use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render};
 use abbe::scene::settings::{IntegratorKind, Regularize};
 use abbe::scene::{Scene, Settings};
+use abbe::spectrum::SpectralChannels;
 use rayon::prelude::*;
 use regex::Regex;
 use std::collections::BTreeMap;

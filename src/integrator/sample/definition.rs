@@ -7,12 +7,12 @@ mod cases;
 
 use super::{Frame, Workspace, sample_pixel};
 use crate::bsdf::{Bsdf, Label, Lobe};
-use crate::film::SensorResponse;
 use crate::geometry::{EndPoint, Hit, Ray, SurfaceId};
 use crate::io::scene_file::parse_str;
 use crate::light::{HitMeasure, Light, LightId};
 use crate::scene::{Scene, Settings};
 use crate::spectrum::MAX_LANES;
+use crate::spectrum::SensorResponse;
 use crate::transport::record::{Recorded, take};
 use crate::transport::subpath::Vertex;
 use crate::transport::{Cone, PassSettings, Subpath};

@@ -1,11 +1,11 @@
-//! From the lanes of a path to the channels of a film.
+//! From the lanes of a path to the channels of an image.
 //!
 //! A lane's contribution already holds the average over lanes (its weights count the lanes that reach it), so channels
 //! sum over lanes with no further factor but the density of the wavelength: a probability at an emission line, per
 //! nanometre elsewhere.
 
-use crate::spectrum::xyz::N_Y;
-use crate::spectrum::{MAX_LANES, SampledWavelengths, cie};
+use super::cie::{self, N_Y};
+use super::{MAX_LANES, SampledWavelengths};
 
 /// Luminous efficacy of 540 THz, lm/W (SI definition of the candela).
 pub const MAX_EFFICACY_LM_PER_W: f64 = 683.0;
@@ -169,8 +169,8 @@ impl SpectralChannels {
 
 #[cfg(test)]
 mod tests {
+    use super::super::WavelengthDistribution;
     use super::*;
-    use crate::spectrum::WavelengthDistribution;
 
     #[test]
     fn lanes_sum_to_the_integral() {
