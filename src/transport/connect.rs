@@ -248,7 +248,7 @@ impl<'a> Joiner<'a> {
         if let Some((ray, region)) = segment {
             let threshold = self.context.pass.roulette_threshold;
             if threshold > 0.0 {
-                let brightness = self.context.brightness(&lanes);
+                let brightness = self.context.response.brightness(&lanes);
                 if brightness < threshold {
                     survival = brightness / threshold;
                     if self.numbers.next4()[0] >= survival {

@@ -5,8 +5,7 @@ use crate::geometry::{EndPoint, InstanceId, Ray};
 use crate::light::{LightContext, LightId};
 use crate::medium::{MediumId, MediumLanes, Region};
 use crate::scene::Scene;
-use crate::spectrum::LaneResponse;
-use crate::spectrum::{MAX_LANES, SampledSpectrum, SampledWavelengths};
+use crate::spectrum::{LaneResponse, SampledSpectrum, SampledWavelengths};
 use glam::DVec3;
 
 /// Wavelength and time that all paths of a pass share (merging needs both sub-paths to agree).
@@ -103,12 +102,6 @@ pub struct PathContext<'a> {
 }
 
 impl PathContext<'_> {
-    /// One number for a contribution: the mean of the sensor's channels.
-    #[must_use]
-    pub fn brightness(&self, lanes: &[f64; MAX_LANES]) -> f64 {
-        self.response.brightness(lanes)
-    }
-
     /// Its wavelengths.
     #[must_use]
     pub fn wavelengths(&self) -> &SampledWavelengths {

@@ -3,8 +3,7 @@
 use crate::lamps::WALL;
 use crate::rendered::{Rendered, lamp, render, settings};
 use abbe::render::OutputRequest;
-use abbe::spectrum::SpectralChannels;
-use abbe::spectrum::{Library, WavelengthDistribution, xyz};
+use abbe::spectrum::{Library, SpectralChannels, WavelengthDistribution, xyz};
 use std::fmt::Write;
 
 /// Width of the bins below in nm.

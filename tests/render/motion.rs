@@ -105,7 +105,6 @@ motion = [{ about = [0, 1.9, 0.4], interpolation = "cubic", keys = [
 "#
         ),
         batches: 16,
-        // light paths cannot reach the camera through a mirror
         passes: [300, 150, 120],
         classes: &["LDE", "LDDE", "LDSE", "LSDE"],
         specular_in_view: true,

@@ -1,22 +1,25 @@
 //! Strategies that end on the sensor: light sub-paths that hit it (t = 0) or are connected to it (t = 1).
 
 use super::{EndKind, Joiner, Strategy, light_end_factor};
+use crate::camera::SensorConnection;
 use crate::geometry::{Ray, SurfacePoint};
 use crate::light::HitMeasure;
-use crate::scene::Sensor;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Edge, EdgeDensity, PathView, VertexDensity};
 use crate::transport::subpath::{SensorHit, Subpath};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 impl Joiner<'_> {
-    /// Numbers for a point of the sensor, where it has more than one.
-    fn lens_numbers(&mut self, sensor: &Sensor) -> DVec2 {
-        if sensor.camera.is_delta() {
-            return DVec2::ZERO;
-        }
-        let [u, v, _, _] = self.numbers.next4();
-        DVec2::new(u, v)
+    /// Connects `p` to a point of the sensor; numbers are drawn only where it has more than one.
+    fn sample_sensor(&mut self, p: DVec3, margin: f64) -> Option<SensorConnection> {
+        let camera = &self.context.scene.sensors[self.context.sensor].camera;
+        let u_lens = if camera.is_delta() {
+            DVec2::ZERO
+        } else {
+            let [u, v, _, _] = self.numbers.next4();
+            DVec2::new(u, v)
+        };
+        camera.sample_connection(p, u_lens, self.context.time, margin)
     }
 
     /// t = 1: light vertex `i` is connected to the sensor.
@@ -25,16 +28,11 @@ impl Joiner<'_> {
         if !self.wants(i + 2, 1) || !self.is_connectible(vertex) {
             return;
         }
-        let scene = self.context.scene;
-        let sensor = &scene.sensors[self.context.sensor];
-        let u_lens = self.lens_numbers(sensor);
-        let Some(connection) =
-            sensor
-                .camera
-                .sample_connection(vertex.point.p, u_lens, self.context.time, margin)
-        else {
+        let Some(connection) = self.sample_sensor(vertex.point.p, margin) else {
             return;
         };
+        let scene = self.context.scene;
+        let sensor = &scene.sensors[self.context.sensor];
         let toward = connection.toward;
         if !vertex.sides_agree(toward) || !vertex.sides_agree(vertex.toward_previous) {
             return;
@@ -116,16 +114,11 @@ impl Joiner<'_> {
         let Some(surface) = light.origin.surface else {
             return;
         };
-        let scene = self.context.scene;
-        let sensor = &scene.sensors[self.context.sensor];
-        let u_lens = self.lens_numbers(sensor);
-        let Some(connection) =
-            sensor
-                .camera
-                .sample_connection(light.origin.p, u_lens, self.context.time, margin)
-        else {
+        let Some(connection) = self.sample_sensor(light.origin.p, margin) else {
             return;
         };
+        let scene = self.context.scene;
+        let sensor = &scene.sensors[self.context.sensor];
         let toward = connection.toward;
         let normal = light.origin.n;
         let uv = if self.light(id).has_pattern() {
