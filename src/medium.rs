@@ -147,8 +147,8 @@ impl MediumStack {
         self.solids.last().map(|s| s.0)
     }
 
-    /// The stack behind `boundary` of `solid`, crossed with (`entering`) or against... the geometric normal's back side:
-    /// `entering` = travelling against the normal. `None` where the stack overflows.
+    /// The stack after crossing `boundary` of `solid`. `entering`: travelling against the geometric
+    /// normal. `None` if more than six solids nest.
     #[must_use]
     pub fn crossed(&self, boundary: Boundary, solid: InstanceId, entering: bool) -> Option<Self> {
         let mut next = self.clone();

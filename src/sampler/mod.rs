@@ -16,7 +16,7 @@ use sobol_burley::parts::owen_scramble_rev;
 /// Who consumes the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stream {
-    /// Film position and lens, then wavelength and time.
+    /// Film position and lens.
     Base = 0,
     /// The camera sub-path: one set per vertex.
     Camera = 1,
