@@ -30,6 +30,8 @@ const STRANGERS: [(&str, &str); 3] = [
     ("transport", "film"),
 ];
 const MAX_LINES: usize = 700;
+/// What a reader takes in before the first render.
+const README_LINES: usize = 150;
 /// Crates that only some files may name, so that replacing one touches only those.
 const CRATES: [(&str, &[&str]); 9] = [
     ("obvhs", &["geometry/tree_build.rs"]),
@@ -223,6 +225,88 @@ fn every_scene_is_in_the_list_of_scenes() {
         .map(|(path, _)| path)
         .collect();
     report("not in scenes/README.md", &missing);
+}
+
+/// The anchor that a Markdown heading gets on GitHub.
+fn anchor(heading: &str) -> String {
+    heading
+        .to_lowercase()
+        .chars()
+        .filter(|c| c.is_alphanumeric() || " -_".contains(*c))
+        .map(|c| if c == ' ' { '-' } else { c })
+        .collect()
+}
+
+/// Relative links of a Markdown text, outside of code, and the anchors of its headings.
+fn links_and_anchors(text: &str) -> (Vec<(usize, String)>, BTreeSet<String>) {
+    let link = Regex::new(r"\]\(([^)\s]+)\)").unwrap();
+    let code = Regex::new("`[^`]*`").unwrap();
+    let (mut links, mut anchors) = (Vec::new(), BTreeSet::new());
+    let mut fenced = false;
+    for (i, line) in text.lines().enumerate() {
+        if line.starts_with("```") {
+            fenced = !fenced;
+        } else if let Some(heading) = line.strip_prefix('#').filter(|_| !fenced) {
+            anchors.insert(anchor(heading.trim_start_matches('#').trim()));
+        } else if !fenced {
+            // a link may have code for its text, but not for its target
+            let line = code.replace_all(line, "");
+            let targets = link.captures_iter(&line).map(|c| c[1].to_owned());
+            let relative = targets.filter(|t| !t.contains("://") && !t.starts_with("mailto:"));
+            links.extend(relative.map(|t| (i + 1, t)));
+        }
+    }
+    (links, anchors)
+}
+
+#[test]
+fn links_between_documents_lead_somewhere() {
+    let texts = files("", &["md"]);
+    let mut found = Vec::new();
+    let mut followed = 0;
+    for (path, text) in &texts {
+        let folder = Path::new(path).parent().unwrap();
+        for (line, target) in links_and_anchors(text).0 {
+            followed += 1;
+            let (file, fragment) = target.split_once('#').unwrap_or((&target, ""));
+            let there = if file.is_empty() {
+                root().join(path)
+            } else {
+                root().join(folder).join(file)
+            };
+            let anchored = fragment.is_empty()
+                || fs::read_to_string(&there)
+                    .is_ok_and(|text| links_and_anchors(&text).1.contains(fragment));
+            if !there.exists() || !anchored {
+                found.push(format!("{path}:{line}: {target}"));
+            }
+        }
+    }
+    report("links to nothing", &found);
+    assert!(followed > 50, "only {followed} links seen");
+}
+
+#[test]
+fn the_anchors_are_those_of_github() {
+    for (heading, expected) in [
+        ("8. Random numbers by name", "8-random-numbers-by-name"),
+        ("Reports: `abbe cost`", "reports-abbe-cost"),
+        ("2. Labels, and the factor A", "2-labels-and-the-factor-a"),
+    ] {
+        assert_eq!(anchor(heading), expected);
+    }
+}
+
+#[test]
+fn the_readme_is_short() {
+    let lines = fs::read_to_string(root().join("README.md"))
+        .unwrap()
+        .lines()
+        .count();
+    assert!(
+        lines <= README_LINES,
+        "README.md: {lines} lines, at most {README_LINES}"
+    );
 }
 
 #[test]

@@ -1,4 +1,6 @@
-//! Rays and meshes at the limits of arithmetic. (Part of the test group `hard_cases`; the README has its table.)
+//! Rays and meshes at the limits of arithmetic.
+//!
+//! Part of the test group `hard_cases`, whose table is in `docs/validation.md`.
 
 use crate::support::{Random, ball, mesh, scene};
 use abbe::geometry::{InstanceId, Mesh, Ray, Shape};

@@ -1,4 +1,6 @@
-//! Scenes at the limits of what arithmetic and sampling bear. (Part of the test group `hard_cases`; the README has its table.)
+//! Scenes at the limits of what arithmetic and sampling bear.
+//!
+//! Part of the test group `hard_cases`, whose table is in `docs/validation.md`.
 
 use crate::harness::{full_crop, line_mean, scene, test_scale, with};
 use abbe::film::Rejected;
