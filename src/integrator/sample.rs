@@ -325,8 +325,11 @@ pub fn sample_and_merge(
         arrival,
     };
     joiner.direct_to_detector(camera, start.weight);
+    let mut hits = camera.light_hits.iter().peekable();
     for j in 0..camera.vertices.len() {
-        joiner.hit_light(camera, j);
+        if let Some(hit) = hits.next_if(|hit| hit.vertex == j) {
+            joiner.hit_light(camera, hit);
+        }
         joiner.direct(camera, j);
     }
     joiner.hit_environment(camera);
@@ -418,7 +421,7 @@ pub(super) fn start_light(
         |first: &Vertex| light_end_factor(light, &x0, first.toward_previous, first.distance),
     );
     if let Some(first) = path.vertices.first() {
-        path.direct = context.direct_density(id, first.point.p, &x0);
+        path.direct = context.direct_density(id, first.p, &x0);
     }
     true
 }

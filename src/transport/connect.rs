@@ -15,11 +15,10 @@ use super::context::{Counters, PathContext};
 use super::contribution::{Contribution, Target};
 use super::density::{Edge, EdgeDensity, PathView, VertexDensity};
 use super::mis::{Multipliers, Technique, delivers_to_all, denominator};
-use super::regularize::specular_kernel;
 use super::subpath::{Subpath, Vertex};
 use super::techniques::Techniques;
 use crate::bsdf::{BsdfEval, Label, LaneDensity};
-use crate::geometry::{EndPoint, Ray, SurfacePoint};
+use crate::geometry::{EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
 use crate::medium::Region;
 use crate::sampler::StreamSampler;
@@ -65,17 +64,6 @@ fn densities(eval: &BsdfEval) -> (EdgeDensity, EdgeDensity) {
             lanes: eval.columns.as_ref().map(|c| lanes(&c.1)),
         },
     )
-}
-
-/// A surface point as an end point.
-#[must_use]
-pub fn end_point(point: &SurfacePoint) -> EndPoint {
-    EndPoint {
-        p: point.p,
-        n: point.ng,
-        surface: Some(point.id),
-        infinite: false,
-    }
 }
 
 /// What turns a density of direction at x₁ (towards the light, at `distance`) into a density of x₀.
@@ -131,28 +119,26 @@ impl<'a> Joiner<'a> {
 
     /// Whether a joining edge may end at the vertex.
     fn is_connectible(&self, vertex: &Vertex) -> bool {
-        vertex.bsdf.has_non_specular() || self.is_regularized(vertex)
+        vertex.has_non_specular || self.is_regularized(vertex)
     }
 
     /// Whether a joining edge may end at the vertex under a specular label.
     fn is_regularized(&self, vertex: &Vertex) -> bool {
-        self.techniques.cone.is_some() && vertex.bsdf.has_specular()
+        self.techniques.cone.is_some() && vertex.has_specular
     }
 
     /// How a vertex scatters between ω⁻ and ω⁺ under its non-specular label.
     fn non_specular_end(
         &self,
-        vertex: &Vertex,
+        path: &Subpath,
+        i: usize,
         w_light: DVec3,
         w_camera: DVec3,
     ) -> Option<EndKernel> {
-        if !vertex.bsdf.has_non_specular() {
+        if !path.vertices[i].has_non_specular {
             return None;
         }
-        let eval = vertex.bsdf.eval(
-            vertex.frame.to_local(w_light),
-            vertex.frame.to_local(w_camera),
-        );
+        let eval = path.scatterer(i, self.context).eval(w_light, w_camera);
         if eval.g.is_black(self.context.count()) {
             return None;
         }
@@ -167,23 +153,26 @@ impl<'a> Joiner<'a> {
     }
 
     /// The same under the specular label of the two directions' sides, within the cone.
-    fn specular_end(&self, vertex: &Vertex, w_light: DVec3, w_camera: DVec3) -> Option<EndKernel> {
+    fn specular_end(
+        &self,
+        path: &Subpath,
+        i: usize,
+        w_light: DVec3,
+        w_camera: DVec3,
+    ) -> Option<EndKernel> {
         let cone = self.techniques.cone.as_ref()?;
-        if !vertex.bsdf.has_specular() {
+        if !path.vertices[i].has_specular {
             return None;
         }
-        let (w_light, w_camera) = (
-            vertex.frame.to_local(w_light),
-            vertex.frame.to_local(w_camera),
-        );
-        let found = specular_kernel(&vertex.bsdf, w_light, w_camera, cone)?;
-        let probability = |w| EdgeDensity::uniform(vertex.bsdf.label_probability(found.label, w));
+        let scatterer = path.scatterer(i, self.context);
+        let (found, probabilities) = scatterer.specular(w_light, w_camera, cone)?;
+        let [forward, backward] = probabilities.map(EdgeDensity::uniform);
         Some(EndKernel {
             label: found.label,
             dispersive: found.dispersive,
             kernel: found.kernel,
-            forward: probability(w_light),
-            backward: probability(w_camera),
+            forward,
+            backward,
         })
     }
 
@@ -191,13 +180,14 @@ impl<'a> Joiner<'a> {
     fn end(
         &self,
         kind: EndKind,
-        vertex: &Vertex,
+        path: &Subpath,
+        i: usize,
         w_light: DVec3,
         w_camera: DVec3,
     ) -> Option<EndKernel> {
         match kind {
-            EndKind::NonSpecular => self.non_specular_end(vertex, w_light, w_camera),
-            EndKind::Specular => self.specular_end(vertex, w_light, w_camera),
+            EndKind::NonSpecular => self.non_specular_end(path, i, w_light, w_camera),
+            EndKind::Specular => self.specular_end(path, i, w_light, w_camera),
         }
     }
 
@@ -356,7 +346,7 @@ impl<'a> Joiner<'a> {
     /// s, t >= 2: light vertex `i` is connected to camera vertex `j`; under non-specular labels of both only if `plain`.
     pub fn pair(&mut self, light: &Subpath, i: usize, camera: &Subpath, j: usize, plain: bool) {
         let (a, b) = (&light.vertices[i], &camera.vertices[j]);
-        let offset = b.point.p - a.point.p;
+        let offset = b.p - a.p;
         let d2 = offset.length_squared();
         if d2 == 0.0 {
             return;
@@ -377,18 +367,18 @@ impl<'a> Joiner<'a> {
         }
         self.counters.connections_tried += 1;
         // the labels of one end that are worth trying depend on those of the other; a missed cone ends it early
-        let specular_b = self.specular_end(b, -w, b.toward_previous);
+        let specular_b = self.specular_end(camera, j, -w, b.toward_previous);
         let non_specular_a = if plain || specular_b.is_some() {
-            self.non_specular_end(a, a.toward_previous, w)
+            self.non_specular_end(light, i, a.toward_previous, w)
         } else {
             None
         };
-        let specular_a = self.specular_end(a, a.toward_previous, w);
+        let specular_a = self.specular_end(light, i, a.toward_previous, w);
         if non_specular_a.is_none() && specular_a.is_none() {
             return;
         }
         let non_specular_b = if plain || specular_a.is_some() {
-            self.non_specular_end(b, -w, b.toward_previous)
+            self.non_specular_end(camera, j, -w, b.toward_previous)
         } else {
             None
         };
@@ -412,8 +402,8 @@ impl<'a> Joiner<'a> {
     ) {
         let (a, b) = (&light.vertices[i], &camera.vertices[j]);
         let d2 = distance * distance;
-        let cos_a = w.dot(a.point.ng).abs();
-        let cos_b = w.dot(b.point.ng).abs();
+        let cos_a = a.cos(w);
+        let cos_b = b.cos(w);
         let edge = Edge {
             light_end: at_b.backward.scaled(cos_a / d2),
             light_before: self.light_before(light, i, &at_a.backward),
@@ -450,11 +440,10 @@ impl<'a> Joiner<'a> {
                 * b.throughput.scale
                 * cos_a
                 * a.light_side_correction(a.toward_previous)
-                * w.dot(b.point.ns).abs()
+                * b.shading_cos(w)
                 / d2,
         );
-        let ray = Ray::leaving(a.point.p, w, self.context.time, Some(a.point.id))
-            .ending(distance, Some(b.point.id));
+        let ray = Ray::leaving(a.p, w, self.context.time, Some(a.id)).ending(distance, Some(b.id));
         self.finish(&numerator, &strategy, Some((&ray, &region)));
     }
 
@@ -464,7 +453,7 @@ impl<'a> Joiner<'a> {
         let mut used = 4;
         for i in 0..light.vertices.len() {
             let a = &light.vertices[i];
-            let (plain_a, specular_a) = (a.bsdf.has_non_specular(), self.is_regularized(a));
+            let (plain_a, specular_a) = (a.has_non_specular, self.is_regularized(a));
             if !plain_a && !specular_a {
                 continue;
             }
@@ -474,7 +463,7 @@ impl<'a> Joiner<'a> {
                     break;
                 }
                 let b = &camera.vertices[j];
-                let mut plain = plain_a && b.bsdf.has_non_specular();
+                let mut plain = plain_a && b.has_non_specular;
                 let probability = self.techniques.samples(s, t, false);
                 if plain && probability < 1.0 {
                     if used == 4 {

@@ -1,6 +1,7 @@
 //! What all paths of a pass share, what one path pair shares, and what is counted on the way.
 
 use super::regularize::Cone;
+use crate::bsdf::Interface;
 use crate::geometry::{EndPoint, InstanceId, Ray};
 use crate::light::{LightContext, LightId};
 use crate::medium::{MediumId, MediumLanes, Region};
@@ -101,7 +102,7 @@ pub struct PathContext<'a> {
     pub response: LaneResponse,
 }
 
-impl PathContext<'_> {
+impl<'a> PathContext<'a> {
     /// Its wavelengths.
     #[must_use]
     pub fn wavelengths(&self) -> &SampledWavelengths {
@@ -131,6 +132,19 @@ impl PathContext<'_> {
     #[must_use]
     pub fn medium(&self, id: MediumId) -> &MediumLanes {
         &self.media[id.0 as usize]
+    }
+
+    /// Indices on both sides of a surface between `regions`: above the normal, then below.
+    #[must_use]
+    pub fn interface(&self, regions: &[Region; 2]) -> Interface<'a> {
+        let [above, below] = regions.map(|r| &self.media[r.medium.0 as usize]);
+        Interface {
+            eta_above: &above.eta,
+            eta_below: &below.eta,
+            count: self.count(),
+            dispersive: (above.dispersive || below.dispersive)
+                && regions[0].medium != regions[1].medium,
+        }
     }
 
     /// η² of a medium, per lane.

@@ -212,7 +212,7 @@ impl PhotonBuffer {
                 .throughput
                 .lanes
                 .map(|v| (f64::from(v) * vertex.throughput.scale) as f32);
-            let usable = vertex.bsdf.has_non_specular()
+            let usable = vertex.has_non_specular
                 && vertex.sides_agree(vertex.toward_previous)
                 && !weight.is_black(count)
                 && weight.0[..count].iter().all(|v| v.is_finite());
@@ -229,7 +229,7 @@ impl PhotonBuffer {
                 let terms = side_terms(densities, factor, MergeSide::Light { direct }, techniques);
                 let columns = if columns { COLUMNS } else { 0 };
                 self.push(
-                    vertex.point.p - context.scene.center,
+                    vertex.p - context.scene.center,
                     vertex.toward_previous,
                     &terms,
                     u64::from(path)

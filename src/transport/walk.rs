@@ -5,9 +5,9 @@
 
 use super::context::{Counters, PathContext};
 use super::density::{EdgeDensity, VertexDensity};
-use super::subpath::{Escape, SensorHit, Subpath, Vertex};
+use super::subpath::{Escape, LightHit, SensorHit, Subpath, Vertex};
 use super::throughput::Throughput;
-use crate::bsdf::{BsdfSample, Interface, LaneDensity, Side};
+use crate::bsdf::{BsdfSample, LaneDensity, Side};
 use crate::geometry::{DirectionalDensity, EndPoint, Ray, SurfacePoint};
 use crate::math::frame::Frame;
 use crate::medium::MediumStack;
@@ -163,48 +163,57 @@ pub fn walk(
         } else {
             [there, here]
         };
-        let (above, below) = (
-            context.medium(regions[0].medium),
-            context.medium(regions[1].medium),
-        );
-        let interface = Interface {
-            eta_above: above.eta,
-            eta_below: below.eta,
-            count: context.count(),
-            dispersive: (above.dispersive || below.dispersive)
-                && regions[0].medium != regions[1].medium,
-        };
         let point = scene.shading_point(point, context.time);
-        let vertex = Vertex {
-            bsdf: scene.materials[object.material.0 as usize].bsdf(
-                &point,
-                context.wavelengths(),
-                &interface,
-            ),
+        let index = path.vertices.len();
+        if let (Some(light), Side::Light) = (object.light, generate) {
+            path.light_hits.push(LightHit {
+                vertex: index,
+                light,
+                uv: point.uv,
+            });
+        }
+        let first_lobe = path.lobes.len();
+        scene.materials[object.material.0 as usize].push_lobes(
+            point.uv,
+            context.wavelengths(),
+            &context.interface(&regions),
+            &mut path.lobes,
+        );
+        let lobes = &path.lobes[first_lobe..];
+        path.vertices.push(Vertex {
+            p: point.p,
+            ng: point.ng,
             frame: Frame::from_z(point.ns),
+            id: point.id,
             regions,
             toward_previous: -ray.d,
             distance,
             throughput,
-            light: object.light,
-            point,
-        };
+            first_lobe: first_lobe as u32,
+            lobes: lobes.len() as u8,
+            has_non_specular: lobes.iter().any(|(_, lobe)| !lobe.is_specular()),
+            has_specular: lobes.iter().any(|(_, lobe)| lobe.is_specular()),
+        });
         let mut density = VertexDensity::new(own.hero);
         density.own_column = path.store_column(&own);
-        density.length = vertex.distance as f32;
+        density.length = distance as f32;
         path.densities.push(density);
-        path.vertices.push(vertex);
 
         // An end of the walk leaves its last vertex as an end point of connections.
-        let index = path.vertices.len() - 1;
         let vertex = &path.vertices[index];
         if !vertex.sides_agree(vertex.toward_previous) {
             return;
         }
         let numbers = numbers.next4();
-        let Some((sample, w)) = scatter(vertex, generate, &numbers) else {
+        let given = vertex.toward_previous;
+        let [u_label, u_x, u_y, _] = numbers;
+        let scatterer = path.scatterer(index, context);
+        let Some((sample, w)) = scatterer.sample(given, generate, [u_label, u_x, u_y]) else {
             return;
         };
+        if !vertex.sides_agree(w) {
+            return;
+        }
         throughput = next_throughput(context, vertex, &sample, w, generate);
         let reverse = edge_density(sample.pdf_reverse, sample.columns.as_ref().map(|c| &c.1));
         finish_previous(path, index, &reverse, &end_factor);
@@ -220,14 +229,14 @@ pub fn walk(
         }
         throughput = throughput.scaled(1.0 / survival);
         let vertex = &path.vertices[index];
-        if (w.dot(vertex.point.ng) > 0.0) != (vertex.toward_previous.dot(vertex.point.ng) > 0.0) {
+        if (w.dot(vertex.ng) > 0.0) != (vertex.toward_previous.dot(vertex.ng) > 0.0) {
             stack = behind;
         }
         travel = Travel::Scattered(edge_density(
             sample.pdf,
             sample.columns.as_ref().map(|c| &c.0),
         ));
-        ray = Ray::leaving(vertex.point.p, w, context.time, Some(vertex.point.id));
+        ray = Ray::leaving(vertex.p, w, context.time, Some(vertex.id));
         passed = 0.0;
     }
 }
@@ -237,14 +246,6 @@ pub fn walk(
 fn passes_uncovered(scene: &Scene, point: &SurfacePoint, numbers: &mut StreamSampler) -> bool {
     let coverage = scene.coverage(point);
     coverage == 0.0 || coverage < 1.0 && numbers.next4()[0] >= coverage
-}
-
-/// Draws the next direction. `None` where the walk ends.
-fn scatter(vertex: &Vertex, generate: Side, u: &[f64; 4]) -> Option<(BsdfSample, DVec3)> {
-    let given = vertex.frame.to_local(vertex.toward_previous);
-    let sample = vertex.bsdf.sample(given, generate, [u[0], u[1], u[2]])?;
-    let w = vertex.frame.to_outer(sample.w);
-    vertex.sides_agree(w).then_some((sample, w))
 }
 
 /// Probability of going on after vertex `index` with `weight` relative to the start. It may depend on anything, since the weights

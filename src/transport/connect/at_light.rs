@@ -1,27 +1,33 @@
 //! Strategies that end on a light: camera sub-paths that hit one (s = 0) or are connected to one (s = 1).
 
-use super::{EndKind, Joiner, Strategy, end_point, light_end_factor};
-use crate::geometry::{EndPoint, Ray};
+use super::{EndKind, Joiner, Strategy, light_end_factor};
+use crate::geometry::{EndPoint, Ray, SurfacePoint};
 use crate::light::{HitMeasure, LightId};
 use crate::medium::MediumId;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Edge, EdgeDensity, PathView, VertexDensity};
-use crate::transport::subpath::Subpath;
+use crate::transport::subpath::{LightHit, Subpath};
 use crate::transport::throughput::Throughput;
 use glam::{DVec2, DVec3};
 
 impl Joiner<'_> {
-    /// s = 0: camera vertex `j` is on a light.
-    pub fn hit_light(&mut self, camera: &Subpath, j: usize) {
-        let vertex = &camera.vertices[j];
-        let Some(id) = vertex.light else { return };
-        let t = j + 2;
+    /// s = 0: the camera sub-path arrived at a light.
+    pub fn hit_light(&mut self, camera: &Subpath, hit: &LightHit) {
+        let vertex = &camera.vertices[hit.vertex];
+        let t = hit.vertex + 2;
         if !self.wants(0, t) {
             return;
         }
-        let radiance = self.light(id).radiance(
-            &vertex.point,
+        let point = SurfacePoint {
+            p: vertex.p,
+            ng: vertex.ng,
+            ns: vertex.frame.z,
+            uv: hit.uv,
+            id: vertex.id,
+        };
+        let radiance = self.light(hit.light).radiance(
+            &point,
             vertex.toward_previous,
             self.context.wavelengths(),
         );
@@ -31,7 +37,7 @@ impl Joiner<'_> {
         let medium = vertex.region(vertex.toward_previous).medium;
         self.arrive_at_light(
             camera,
-            (t, id, end_point(&vertex.point), medium),
+            (t, hit.light, vertex.end_point(), medium),
             vertex.toward_previous,
             vertex.distance,
             &radiance,
@@ -86,8 +92,8 @@ impl Joiner<'_> {
         // x₁: the camera vertex before, or x_k
         let (x1, cos, factor) = match t.checked_sub(3) {
             Some(before) => {
-                let point = &camera.vertices[before].point;
-                (point.p, leaving.dot(point.ng).abs(), 1.0)
+                let vertex = &camera.vertices[before];
+                (vertex.p, vertex.cos(leaving), 1.0)
             }
             None => {
                 let hittable = f64::from(u8::from(self.techniques.hittable_sensor));
@@ -145,7 +151,7 @@ impl Joiner<'_> {
         let Some(direct) = self.light(id).sample_direct(
             &light_context,
             self.context.wavelengths(),
-            vertex.point.p,
+            vertex.p,
             u0,
             DVec2::new(u[1], u[2]),
         ) else {
@@ -162,17 +168,12 @@ impl Joiner<'_> {
         if direct.value.is_black(self.context.count()) {
             return;
         }
-        let cos = direct.toward.dot(vertex.point.ng).abs();
+        let cos = vertex.cos(direct.toward);
         let factor = light_end_factor(self.light(id), &direct.x0, direct.toward, direct.distance);
-        let ray = Ray::leaving(
-            vertex.point.p,
-            direct.toward,
-            self.context.time,
-            Some(vertex.point.id),
-        )
-        .ending(direct.distance, direct.x0.surface);
+        let ray = Ray::leaving(vertex.p, direct.toward, self.context.time, Some(vertex.id))
+            .ending(direct.distance, direct.x0.surface);
         for kind in EndKind::ALL {
-            let Some(end) = self.end(kind, vertex, direct.toward, vertex.toward_previous) else {
+            let Some(end) = self.end(kind, camera, j, direct.toward, vertex.toward_previous) else {
                 continue;
             };
             let (pf0, pf1) = self.emission(id, &direct.x0, -direct.toward, cos, direct.distance);
@@ -206,7 +207,7 @@ impl Joiner<'_> {
                     &direct.value,
                     &medium.transmittance(direct.distance),
                 ],
-                vertex.throughput.scale * direct.toward.dot(vertex.point.ns).abs() / probability,
+                vertex.throughput.scale * vertex.shading_cos(direct.toward) / probability,
             );
             self.finish(&numerator, &strategy, Some((&ray, region)));
         }

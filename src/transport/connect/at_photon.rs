@@ -46,7 +46,7 @@ impl Joiner<'_> {
         let first_only = self.techniques.kind == IntegratorKind::Ppm;
         let specular = |i: usize| camera.densities[i + 1].label.is_specular();
         if j + 1 > self.max_depth
-            || !vertex.bsdf.has_non_specular()
+            || !vertex.has_non_specular
             || !vertex.sides_agree(vertex.toward_previous)
             || first_only && !(0..j).all(specular)
         {
@@ -59,10 +59,10 @@ impl Joiner<'_> {
             || own[..j].iter().any(|v| v.other_column != NO_COLUMN);
         let whole = columns || !is_separable(self.techniques);
         let count = self.context.count();
-        let w_camera = vertex.frame.to_local(vertex.toward_previous);
+        let scatterer = camera.scatterer(j, self.context);
         let (map, accepts) = (photons.map, photons.accepts);
         let (mut found, mut sum) = (false, [0.0; MAX_LANES]);
-        map.for_each_near(vertex.point.p, |photon| {
+        map.for_each_near(vertex.p, |photon| {
             let depth = photon.depth();
             if depth + 1 + j > self.max_depth || !accepts.is_none_or(|f| f(photon.path())) {
                 return;
@@ -72,7 +72,7 @@ impl Joiner<'_> {
                 return;
             }
             self.counters.photons_found += 1;
-            let eval = vertex.bsdf.eval(vertex.frame.to_local(w), w_camera);
+            let eval = scatterer.eval(w, vertex.toward_previous);
             if eval.g.is_black(count) {
                 return;
             }

@@ -28,7 +28,7 @@ impl Joiner<'_> {
         if !self.wants(i + 2, 1) || !self.is_connectible(vertex) {
             return;
         }
-        let Some(connection) = self.sample_sensor(vertex.point.p, margin) else {
+        let Some(connection) = self.sample_sensor(vertex.p, margin) else {
             return;
         };
         let scene = self.context.scene;
@@ -42,17 +42,12 @@ impl Joiner<'_> {
             return;
         }
         self.counters.connections_tried += 1;
-        let cos = toward.dot(vertex.point.ng).abs();
+        let cos = vertex.cos(toward);
         let d2 = connection.distance * connection.distance;
-        let ray = Ray::leaving(
-            vertex.point.p,
-            toward,
-            self.context.time,
-            Some(vertex.point.id),
-        )
-        .ending(connection.distance, connection.xk.surface);
+        let ray = Ray::leaving(vertex.p, toward, self.context.time, Some(vertex.id))
+            .ending(connection.distance, connection.xk.surface);
         for kind in EndKind::ALL {
-            let Some(end) = self.end(kind, vertex, vertex.toward_previous, toward) else {
+            let Some(end) = self.end(kind, light, i, vertex.toward_previous, toward) else {
                 continue;
             };
             let (_, direction_density) =
@@ -203,7 +198,7 @@ impl Joiner<'_> {
         // x_{k-1}: the last light vertex, or x₀
         let (before, direct) = match hit.depth.checked_sub(1) {
             Some(i) => {
-                let cos = hit.toward_previous.dot(light.vertices[i].point.ng).abs();
+                let cos = light.vertices[i].cos(hit.toward_previous);
                 (
                     direction_density.area_density(cos, hit.distance * hit.distance),
                     light.direct,
