@@ -12,13 +12,12 @@ use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::{IntegratorKind, Sharing};
 use crate::scene::{Scene, Settings};
 use crate::spectrum::{LaneResponse, SampledSpectrum, SensorResponse};
-use crate::transport::connect::{Joiner, Photons, light_end_factor};
+use crate::transport::connect::{Joiner, Photons, Scratch, light_end_factor};
 use crate::transport::context::SharedSample;
 use crate::transport::subpath::Vertex;
 use crate::transport::walk::{Start, walk};
 use crate::transport::{
     Contribution, Counters, PassSettings, PathContext, PhotonMap, Subpath, Techniques, Throughput,
-    VertexDensity,
 };
 use glam::{DVec2, DVec3};
 
@@ -154,7 +153,7 @@ pub struct Workspace {
     media: Vec<MediumLanes>,
     light: Subpath,
     camera: Subpath,
-    arrival: Vec<VertexDensity>,
+    scratch: Scratch,
     retraced: Subpath,
     /// What the last sample gave.
     pub contributions: Vec<Contribution>,
@@ -248,7 +247,7 @@ pub fn sample_and_merge(
         media,
         light,
         camera,
-        arrival,
+        scratch,
         retraced,
         contributions,
         counters,
@@ -322,7 +321,7 @@ pub fn sample_and_merge(
         numbers: sampler.stream(Stream::Connect),
         counters,
         out: contributions,
-        arrival,
+        scratch,
     };
     joiner.direct_to_detector(camera, start.weight);
     let mut hits = camera.light_hits.iter().peekable();

@@ -47,8 +47,17 @@ pub struct Joiner<'a> {
     pub counters: &'a mut Counters,
     /// Contributions found.
     pub out: &'a mut Vec<Contribution>,
-    /// Scratch: densities of a light sub-path with its arrival at the detector.
-    pub arrival: &'a mut Vec<VertexDensity>,
+    /// Buffers.
+    pub scratch: &'a mut Scratch,
+}
+
+/// Buffers that joining reuses from sample to sample.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    /// Densities of a light sub-path with its arrival at the detector.
+    arrival: Vec<VertexDensity>,
+    /// Products of densities over the end of a path.
+    suffix: Vec<f64>,
 }
 
 /// The two directional densities of an evaluated vertex.
@@ -219,7 +228,11 @@ impl<'a> Joiner<'a> {
         super::record::record(view, self.techniques, segment.map(|(ray, _)| ray));
         let count = self.context.count();
         let multipliers = Multipliers::new(view, self.techniques);
-        let weights = denominator(&multipliers, self.context.wavelengths());
+        let weights = denominator(
+            &multipliers,
+            self.context.wavelengths(),
+            &mut self.scratch.suffix,
+        );
         if weights.numerator == 0.0 && !self.with_raw {
             return;
         }

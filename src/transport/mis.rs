@@ -281,9 +281,13 @@ pub fn delivers_to_all(path: &PathView, dispersive: usize, technique: Technique)
     at_ends == dispersive
 }
 
-/// The denominators of all lanes for the executed strategy of the path.
+/// The denominators of all lanes for the executed strategy of the path. `scratch` is overwritten.
 #[must_use]
-pub fn denominator(multipliers: &Multipliers, wavelengths: &SampledWavelengths) -> Denominator {
+pub fn denominator(
+    multipliers: &Multipliers,
+    wavelengths: &SampledWavelengths,
+    scratch: &mut Vec<f64>,
+) -> Denominator {
     let s = multipliers.path.s();
     let preference = multipliers.preference(s);
     Denominator {
@@ -291,7 +295,7 @@ pub fn denominator(multipliers: &Multipliers, wavelengths: &SampledWavelengths) 
             Heuristic::Balance => preference,
             Heuristic::Power2 => preference * multipliers.of(s),
         },
-        ..terms(multipliers, wavelengths)
+        ..terms(multipliers, wavelengths, scratch)
     }
 }
 
@@ -301,6 +305,7 @@ pub fn denominator(multipliers: &Multipliers, wavelengths: &SampledWavelengths) 
 pub fn merge_denominator(
     multipliers: &Multipliers,
     wavelengths: &SampledWavelengths,
+    scratch: &mut Vec<f64>,
 ) -> Denominator {
     let merged = multipliers.path.s() - 1;
     let from_sensor = multipliers.path.pr(merged);
@@ -311,11 +316,15 @@ pub fn merge_denominator(
             Heuristic::Balance => from_sensor,
             Heuristic::Power2 => from_sensor * from_sensor * merging,
         },
-        ..terms(multipliers, wavelengths)
+        ..terms(multipliers, wavelengths, scratch)
     }
 }
 
-fn terms(multipliers: &Multipliers, wavelengths: &SampledWavelengths) -> Denominator {
+fn terms(
+    multipliers: &Multipliers,
+    wavelengths: &SampledWavelengths,
+    scratch: &mut Vec<f64>,
+) -> Denominator {
     let path = multipliers.path;
     let heuristic = multipliers.techniques.heuristic;
     let dispersive = if multipliers.has_specular {
@@ -326,7 +335,7 @@ fn terms(multipliers: &Multipliers, wavelengths: &SampledWavelengths) -> Denomin
     let mut out = Denominator::default();
     let count = wavelengths.count();
     if path.has_columns() {
-        add_columns(multipliers, wavelengths, dispersive, &mut out);
+        add_columns(multipliers, wavelengths, dispersive, scratch, &mut out);
         return out;
     }
     let mut own = 0.0;
@@ -352,6 +361,7 @@ fn add_columns(
     multipliers: &Multipliers,
     wavelengths: &SampledWavelengths,
     dispersive: usize,
+    suffix: &mut Vec<f64>,
     out: &mut Denominator,
 ) {
     use Technique::{Join, Merge};
@@ -367,7 +377,8 @@ fn add_columns(
     };
     for k in 0..count {
         // suffix[i] = Π_{j >= i} pr_{j,k}/gen_j
-        let mut suffix = vec![1.0; n + 1];
+        suffix.clear();
+        suffix.resize(n + 1, 1.0);
         for i in (0..n).rev() {
             suffix[i] = suffix[i + 1] * path.pr_lane(i, k) / generated(i);
         }

@@ -347,7 +347,11 @@ fn merge_error(
     i: usize,
 ) -> f64 {
     path.seen_by(i + 1, |view| {
-        let expected = merge_denominator(&Multipliers::new(view, techniques), wavelengths);
+        let expected = merge_denominator(
+            &Multipliers::new(view, techniques),
+            wavelengths,
+            &mut Vec::new(),
+        );
         let mut sensor = view.camera.to_vec();
         sensor.push(VertexDensity::new(path.pr[i][0]));
         let direct = path.direct / path.pf[0][0];
@@ -415,7 +419,7 @@ fn check(
                 let mut total = 0.0;
                 for_each_term(&multipliers, |_, term| total += term);
                 weight_sum += own / total;
-                let all = denominator(&multipliers, &wavelengths);
+                let all = denominator(&multipliers, &wavelengths, &mut Vec::new());
                 for j in 0..count {
                     let base = path.density(s, 0);
                     let base = if techniques.heuristic == Heuristic::Power2 {
@@ -444,7 +448,7 @@ fn check(
                 let mut total = 0.0;
                 for_each_term(&multipliers, |_, term| total += term);
                 weight_sum += own * path.pr[i][0] / total;
-                let all = merge_denominator(&multipliers, &wavelengths);
+                let all = merge_denominator(&multipliers, &wavelengths, &mut Vec::new());
                 for j in [0, count - 1] {
                     let expected = denominator_by_definition(&path, &techniques, &wavelengths, j);
                     let expected = expected / techniques.heuristic.power(base);

@@ -150,6 +150,12 @@ impl PhotonBuffer {
         self.positions.is_empty()
     }
 
+    /// Empties it; its memory is kept.
+    pub fn clear(&mut self) {
+        self.positions.clear();
+        self.records.clear();
+    }
+
     /// Makes room for `factor` times what it holds.
     pub fn reserve_times(&mut self, factor: usize) {
         let more = factor.saturating_sub(1);

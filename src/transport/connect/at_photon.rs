@@ -139,7 +139,7 @@ impl Joiner<'_> {
     /// The factors of all lanes by the sum over the whole path: where densities differ between lanes, or techniques depend on more
     /// than one side tells.
     fn whole_path_factors(
-        &self,
+        &mut self,
         light: &Subpath,
         i: usize,
         (camera, j): (&Subpath, usize),
@@ -175,7 +175,11 @@ impl Joiner<'_> {
             hittable_light: self.is_hittable(light.light),
         };
         let multipliers = Multipliers::new(&view, self.techniques);
-        let weights = merge_denominator(&multipliers, self.context.wavelengths());
+        let weights = merge_denominator(
+            &multipliers,
+            self.context.wavelengths(),
+            &mut self.scratch.suffix,
+        );
         for (k, factor) in factors.iter_mut().enumerate().take(self.context.count()) {
             *factor = weights.factor(k);
         }

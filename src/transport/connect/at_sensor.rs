@@ -217,11 +217,10 @@ impl Joiner<'_> {
                 )
             }
         };
-        self.arrival.clear();
-        self.arrival
-            .extend_from_slice(&light.densities[..=hit.depth]);
-        self.arrival.push(hit.density);
-        let arrival = std::mem::take(self.arrival);
+        let mut arrival = std::mem::take(&mut self.scratch.arrival);
+        arrival.clear();
+        arrival.extend_from_slice(&light.densities[..=hit.depth]);
+        arrival.push(hit.density);
         let edge = Edge {
             light_end: EdgeDensity::uniform(pdf_xk),
             light_before: EdgeDensity::uniform(before),
@@ -244,6 +243,6 @@ impl Joiner<'_> {
             hit.throughput.scale * hit.importance,
         );
         self.finish(&numerator, &strategy, None);
-        *self.arrival = arrival;
+        self.scratch.arrival = arrival;
     }
 }
