@@ -12,7 +12,7 @@ use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::{IntegratorKind, Sharing};
 use crate::scene::{Scene, Settings};
 use crate::spectrum::{LaneResponse, SampledSpectrum, SensorResponse};
-use crate::transport::connect::{Joiner, Photons, Scratch, light_end_factor};
+use crate::transport::connect::{Joiner, Photons, Receiver, Scratch};
 use crate::transport::context::SharedSample;
 use crate::transport::subpath::Vertex;
 use crate::transport::walk::{Start, walk};
@@ -284,11 +284,7 @@ pub fn sample_and_merge(
             &mut sampler.stream(Stream::Camera),
             counters,
             |first: &Vertex| {
-                if hittable {
-                    xk.cos(first.toward_previous) / (first.distance * first.distance)
-                } else {
-                    0.0
-                }
+                Receiver::of_sensor(hittable, &xk, first.toward_previous).factor(first.distance)
             },
         );
     }
@@ -315,7 +311,7 @@ pub fn sample_and_merge(
         context: &context,
         techniques: &techniques,
         max_depth,
-        hide_points: !settings.show_point_lights && sensor.camera.is_delta(),
+        skip_point_images: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: frame.with_raw,
         detailed: frame.detailed,
         numbers: sampler.stream(Stream::Connect),
@@ -417,7 +413,9 @@ pub(super) fn start_light(
         },
         &mut numbers,
         counters,
-        |first: &Vertex| light_end_factor(light, &x0, first.toward_previous, first.distance),
+        |first: &Vertex| {
+            Receiver::of_light(light, &x0, first.toward_previous).factor(first.distance)
+        },
     );
     if let Some(first) = path.vertices.first() {
         path.direct = context.direct_density(id, first.p, &x0);

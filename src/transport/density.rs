@@ -4,7 +4,8 @@
 //! `pr_i` when it is generated from the sensor side. The 1/A of specular vertices is left out of both (their label probability q
 //! stands alone), so every density is a finite number and deltas need no flags.
 
-use crate::bsdf::Label;
+use crate::bsdf::{BsdfEval, Label, LaneDensity};
+use crate::geometry::DirectionalDensity;
 use crate::spectrum::MAX_LANES;
 
 /// Per-lane densities of one vertex.
@@ -64,12 +65,62 @@ impl EdgeDensity {
         Self { hero, lanes: None }
     }
 
+    /// Every lane's where there are any.
+    #[must_use]
+    pub fn with_lanes(hero: f64, lanes: Option<&LaneDensity>) -> Self {
+        Self {
+            hero,
+            lanes: lanes.map(|l| l.lanes),
+        }
+    }
+
+    /// Densities of direction of an evaluated vertex: ω⁺ given ω⁻, and ω⁻ given ω⁺.
+    #[must_use]
+    pub fn of(eval: &BsdfEval) -> (Self, Self) {
+        let columns = eval.columns.as_ref();
+        (
+            Self::with_lanes(eval.pdf_camera, columns.map(|c| &c.0)),
+            Self::with_lanes(eval.pdf_light, columns.map(|c| &c.1)),
+        )
+    }
+
     /// Times a geometric factor.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         Self {
             hero: self.hero * factor,
             lanes: self.lanes.map(|l| l.map(|v| v * factor)),
+        }
+    }
+}
+
+/// Density of the direction in which an edge leaves a vertex.
+#[derive(Clone, Copy, Debug)]
+pub enum Departure {
+    /// An end point of a path.
+    Start(DirectionalDensity),
+    /// A scattering vertex, per solid angle.
+    Scattered(EdgeDensity),
+}
+
+impl Departure {
+    /// Area density of the next vertex, at distance² `d2`, whose geometric normal makes `cos` with the edge.
+    #[must_use]
+    pub fn area_density(&self, cos: f64, d2: f64) -> EdgeDensity {
+        match self {
+            Self::Start(pdf) => EdgeDensity::uniform(pdf.area_density(cos, d2)),
+            Self::Scattered(pdf) => pdf.scaled(cos / d2),
+        }
+    }
+
+    /// Density of the direction itself.
+    #[must_use]
+    pub fn solid_angle(&self) -> EdgeDensity {
+        match self {
+            Self::Start(
+                DirectionalDensity::SolidAngle(pdf) | DirectionalDensity::Perpendicular(pdf),
+            ) => EdgeDensity::uniform(*pdf),
+            Self::Scattered(pdf) => *pdf,
         }
     }
 }

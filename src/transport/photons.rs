@@ -7,7 +7,7 @@
 //! Invariant: a function of the sub-paths and the order in which they were added, not of the threads that traced them.
 
 use super::class::PathClass;
-use super::connect::light_end_factor;
+use super::connect::Receiver;
 use super::context::PathContext;
 use super::density::NO_COLUMN;
 use super::merge::{MergeSide, SideTerms, side_terms};
@@ -224,12 +224,9 @@ impl PhotonBuffer {
                 && weight.0[..count].iter().all(|v| v.is_finite());
             if usable {
                 let factor = light.factor_before(i, || {
-                    light_end_factor(
-                        source,
-                        &light.origin,
-                        vertex.toward_previous,
-                        vertex.distance,
-                    )
+                    let receiver =
+                        Receiver::of_light(source, &light.origin, vertex.toward_previous);
+                    receiver.factor(vertex.distance)
                 });
                 let densities = &light.densities[..i + 2];
                 let terms = side_terms(densities, factor, MergeSide::Light { direct }, techniques);

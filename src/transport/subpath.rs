@@ -247,6 +247,16 @@ impl Subpath {
         self.densities.push(VertexDensity::new(pdf));
     }
 
+    /// Of two things, the one `before` a vertex and the one `after` it on this sub-path, that of the light side first.
+    #[must_use]
+    pub fn ordered<T>(&self, before: T, after: T) -> (T, T) {
+        if self.light.is_some() {
+            (before, after)
+        } else {
+            (after, before)
+        }
+    }
+
     /// Scattering at vertex `i`.
     #[must_use]
     pub fn scatterer<'a>(&'a self, i: usize, context: &PathContext<'a>) -> Scatterer<'a> {

@@ -4,10 +4,10 @@
 //! interpolated normals, whose correction always belongs to the light side.
 
 use super::context::{Counters, PathContext};
-use super::density::{EdgeDensity, VertexDensity};
+use super::density::{Departure, EdgeDensity, VertexDensity};
 use super::subpath::{Escape, LightHit, SensorHit, Subpath, Vertex};
 use super::throughput::Throughput;
-use crate::bsdf::{BsdfSample, LaneDensity, Side};
+use crate::bsdf::{BsdfSample, Side};
 use crate::geometry::{DirectionalDensity, EndPoint, Ray, SurfacePoint};
 use crate::math::frame::Frame;
 use crate::medium::MediumStack;
@@ -43,39 +43,8 @@ pub struct Start {
     pub specular_only: bool,
 }
 
-/// Density of the direction a walk travels in.
-#[derive(Clone, Copy, Debug)]
-enum Travel {
-    Start(DirectionalDensity),
-    Scattered(EdgeDensity),
-}
-
-impl Travel {
-    fn area_density(&self, cos: f64, d2: f64) -> EdgeDensity {
-        match self {
-            Self::Start(pdf) => EdgeDensity::uniform(pdf.area_density(cos, d2)),
-            Self::Scattered(pdf) => pdf.scaled(cos / d2),
-        }
-    }
-
-    fn solid_angle(&self) -> EdgeDensity {
-        match self {
-            Self::Start(
-                DirectionalDensity::SolidAngle(pdf) | DirectionalDensity::Perpendicular(pdf),
-            ) => EdgeDensity::uniform(*pdf),
-            Self::Scattered(pdf) => *pdf,
-        }
-    }
-}
-
-fn edge_density(hero: f64, lanes: Option<&LaneDensity>) -> EdgeDensity {
-    EdgeDensity {
-        hero,
-        lanes: lanes.map(|l| l.lanes),
-    }
-}
-
-/// Extends `path` (already restarted) by scattering vertices. `end_factor` is what turns a density of direction at the first vertex into a density of the start.
+/// Random walk from `start`: appends vertices to the freshly restarted `path`. `end_factor` is the Jacobian from solid angle
+/// at the first vertex to the measure of the start.
 pub fn walk(
     context: &PathContext,
     path: &mut Subpath,
@@ -96,7 +65,7 @@ pub fn walk(
         specular_only,
     } = start;
     let reference = throughput.max_lane(context.count());
-    let mut travel = Travel::Start(pdf);
+    let mut travel = Departure::Start(pdf);
     // distance passed since the last vertex, through surfaces that are none
     let mut passed = if infinite { f64::INFINITY } else { 0.0 };
     loop {
@@ -215,7 +184,8 @@ pub fn walk(
             return;
         }
         throughput = next_throughput(context, vertex, &sample, w, generate);
-        let reverse = edge_density(sample.pdf_reverse, sample.columns.as_ref().map(|c| &c.1));
+        let reverse =
+            EdgeDensity::with_lanes(sample.pdf_reverse, sample.columns.as_ref().map(|c| &c.1));
         finish_previous(path, index, &reverse, &end_factor);
         let density = &mut path.densities[index + 1];
         density.label = sample.label;
@@ -232,7 +202,7 @@ pub fn walk(
         if (w.dot(vertex.ng) > 0.0) != (vertex.toward_previous.dot(vertex.ng) > 0.0) {
             stack = behind;
         }
-        travel = Travel::Scattered(edge_density(
+        travel = Departure::Scattered(EdgeDensity::with_lanes(
             sample.pdf,
             sample.columns.as_ref().map(|c| &c.0),
         ));
@@ -306,7 +276,7 @@ fn record_sensor_hit(
     direction: DVec3,
     distance: f64,
     stack: &MediumStack,
-    travel: &Travel,
+    travel: &Departure,
     throughput: Throughput,
 ) {
     let sensor = &context.scene.sensors[context.sensor];

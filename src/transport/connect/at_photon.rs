@@ -1,6 +1,6 @@
 //! Merging: a camera vertex takes the photons around it for its own.
 
-use super::{Joiner, densities};
+use super::Joiner;
 use crate::bsdf::BsdfEval;
 use crate::scene::settings::IntegratorKind;
 use crate::spectrum::MAX_LANES;
@@ -53,7 +53,7 @@ impl Joiner<'_> {
             return;
         }
         let own = &camera.densities[..j + 2];
-        let factor = self.camera_before_factor(camera, j);
+        let factor = self.before_factor(camera, j);
         let sensor = side_terms(own, factor, MergeSide::Sensor, self.techniques);
         let columns = own.iter().any(|v| v.own_column != NO_COLUMN)
             || own[..j].iter().any(|v| v.other_column != NO_COLUMN);
@@ -149,13 +149,13 @@ impl Joiner<'_> {
         if i >= light.vertices.len() {
             return factors;
         }
-        let (forward, backward) = densities(eval);
+        let (forward, backward) = EdgeDensity::of(eval);
         // the merged vertex is the last of the light sub-path, and that before it on the camera sub-path is joined to it
         let behind = &camera.densities[j];
         let edge = Edge {
             light_end: camera.own_density(j + 1),
-            light_before: self.light_before(light, i, &backward),
-            camera_end: self.camera_before(camera, j, &forward),
+            light_before: backward.scaled(self.before_factor(light, i)),
+            camera_end: forward.scaled(self.before_factor(camera, j)),
             camera_before: match j.checked_sub(1) {
                 Some(before) => camera.other_density(before),
                 None => EdgeDensity::default(),
