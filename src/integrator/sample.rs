@@ -8,7 +8,7 @@ use crate::bsdf::Side;
 use crate::film::Crop;
 use crate::geometry::{EndPoint, Ray};
 use crate::medium::MediumLanes;
-use crate::sampler::{Sampler, Stream};
+use crate::sampler::{Draw, Sampler};
 use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::Sharing;
 use crate::scene::{Scene, Settings};
@@ -255,7 +255,7 @@ pub fn sample_and_merge(
     contributions.clear();
     counters.paths += 1;
     let (sampler, context) = begin(frame, pass, (x, y), response, media);
-    let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.stream(Stream::Base).next4();
+    let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.set(Draw::Film);
     let max_depth = frame.max_depth();
 
     let offset = sensor.filter.sample(DVec2::new(u_film_x, u_film_y));
@@ -282,7 +282,7 @@ pub fn sample_and_merge(
                 max_vertices: max_depth + 1,
                 specular_only: strategies.ends_at_first_rough(),
             },
-            &mut sampler.stream(Stream::Camera),
+            &sampler,
             counters,
             |first: &Vertex| {
                 Receiver::of_sensor(hittable, &x_sensor, first.toward_previous)
@@ -314,7 +314,7 @@ pub fn sample_and_merge(
         skip_point_images: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: frame.with_raw,
         detailed: frame.detailed,
-        numbers: sampler.stream(Stream::Connect),
+        sampler: &sampler,
         counters,
         out: contributions,
         scratch,
@@ -368,9 +368,8 @@ pub(super) fn start_light(
     counters: &mut Counters,
 ) -> bool {
     let scene = context.scene;
-    let mut numbers = sampler.stream(Stream::Light);
-    let [u_light, u_x, u_y, _] = numbers.next4();
-    let [d_x, d_y, _, _] = numbers.next4();
+    let [u_light, u_x, u_y, _] = sampler.set(Draw::LightStart);
+    let [d_x, d_y, _, _] = sampler.set(Draw::LightDirection);
     let Some((id, probability, u_face)) = scene.selection.sample(u_light) else {
         return false;
     };
@@ -411,7 +410,7 @@ pub(super) fn start_light(
             max_vertices: max_depth,
             specular_only: false,
         },
-        &mut numbers,
+        sampler,
         counters,
         |first: &Vertex| {
             Receiver::of_light(light, &x0, first.toward_previous).factor(first.distance)

@@ -22,7 +22,7 @@ use super::subpath::{Subpath, Vertex};
 use crate::geometry::{DirectionalDensity, EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
 use crate::medium::Region;
-use crate::sampler::StreamSampler;
+use crate::sampler::{Draw, Sampler};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use end::EndLabels;
 use glam::DVec3;
@@ -42,8 +42,8 @@ pub struct Joiner<'a> {
     pub with_raw: bool,
     /// Contributions have their class, and each photon that is merged gives one of its own; else one camera vertex gives one.
     pub detailed: bool,
-    /// Numbers for connections.
-    pub numbers: StreamSampler,
+    /// Random numbers of the sample.
+    pub sampler: &'a Sampler,
     /// Counts.
     pub counters: &'a mut Counters,
     /// Contributions found.
@@ -135,7 +135,10 @@ impl<'a> Joiner<'a> {
                 let brightness = self.context.response.brightness(&lanes);
                 if brightness < threshold {
                     survival = brightness / threshold;
-                    if self.numbers.next4()[0] >= survival {
+                    let labels = [view.edge.light_label, view.edge.camera_label];
+                    let [a, b] = labels.map(|label| usize::from(label.is_specular()));
+                    let draw = Draw::Roulette(view.s(), view.camera.len(), 2 * a + b);
+                    if self.sampler.number(draw) >= survival {
                         return;
                     }
                 }
@@ -266,14 +269,13 @@ impl<'a> Joiner<'a> {
 
     /// All pairs s, t >= 2 that the depth limit and the choice of pairs allow.
     pub fn pairs(&mut self, light: &Subpath, camera: &Subpath) {
-        let mut numbers: [f64; 4] = [0.0; 4];
-        let mut used = 4;
         for i in 0..light.vertices.len() {
             let a = &light.vertices[i];
             let (rough_a, specular_a) = (a.has_non_specular, self.is_regularized(a));
             if !rough_a && !specular_a {
                 continue;
             }
+            let (mut numbers, mut drawn) = ([0.0; 4], None);
             for j in 0..camera.vertices.len() {
                 let (s, t) = (i + 2, j + 2);
                 if s + t > self.max_depth.saturating_add(2) {
@@ -283,12 +285,12 @@ impl<'a> Joiner<'a> {
                 let mut with_rough_pair = rough_a && b.has_non_specular;
                 let probability = self.strategies.samples(Technique::Join(s), s + t, false);
                 if with_rough_pair && probability < 1.0 {
-                    if used == 4 {
-                        numbers = self.numbers.next4();
-                        used = 0;
+                    let block = j / 4;
+                    if drawn != Some(block) {
+                        numbers = self.sampler.set(Draw::Pairs(i, block));
+                        drawn = Some(block);
                     }
-                    used += 1;
-                    with_rough_pair = numbers[used - 1] < probability;
+                    with_rough_pair = numbers[j % 4] < probability;
                 }
                 let allowed = probability > 0.0;
                 if with_rough_pair || allowed && (specular_a || self.is_regularized(b)) {

@@ -11,7 +11,7 @@ use crate::bsdf::{BsdfSample, Side};
 use crate::geometry::{DirectionalDensity, EndPoint, Ray, SurfacePoint};
 use crate::math::frame::Frame;
 use crate::medium::MediumStack;
-use crate::sampler::StreamSampler;
+use crate::sampler::{Draw, Sampler};
 use crate::scene::Scene;
 use glam::DVec3;
 
@@ -49,7 +49,7 @@ pub fn walk(
     context: &PathContext,
     path: &mut Subpath,
     start: Start,
-    numbers: &mut StreamSampler,
+    sampler: &Sampler,
     counters: &mut Counters,
     end_factor: impl Fn(&Vertex) -> f64,
 ) {
@@ -68,6 +68,8 @@ pub fn walk(
     let mut travel = Departure::Start(pdf);
     // distance passed since the last vertex, through surfaces that are none
     let mut passed = if infinite { f64::INFINITY } else { 0.0 };
+    // partly covered surfaces met since then
+    let mut crossings = 0;
     loop {
         counters.closest_rays += 1;
         let Some(hit) = scene.accel.closest(&ray, |_| true) else {
@@ -88,7 +90,15 @@ pub fn walk(
         let distance = passed + hit.t;
         let through = |ray: &Ray| Ray::leaving(point.p, ray.d, ray.time, Some(point.id));
 
-        if object.covered && passes_through_opening(scene, &point, numbers) {
+        if object.covered && {
+            let vertices = path.vertices.len();
+            let draw = match generate {
+                Side::Light => Draw::CameraCoverage(vertices, crossings),
+                Side::Camera => Draw::LightCoverage(vertices, crossings),
+            };
+            crossings += 1;
+            passes_through_opening(scene, &point, || sampler.number(draw))
+        } {
             ray = through(&ray);
             passed = distance;
             continue;
@@ -173,7 +183,10 @@ pub fn walk(
         if !vertex.sides_agree(vertex.toward_previous) {
             return;
         }
-        let numbers = numbers.next4();
+        let numbers = sampler.set(match generate {
+            Side::Light => Draw::Camera(index),
+            Side::Camera => Draw::Light(index),
+        });
         let given = vertex.toward_previous;
         let [u_label, u_x, u_y, _] = numbers;
         let scatterer = path.scatterer(index, context);
@@ -208,18 +221,15 @@ pub fn walk(
         ));
         ray = Ray::leaving(vertex.p, w, context.time, Some(vertex.id));
         passed = 0.0;
+        crossings = 0;
     }
 }
 
 /// Stochastic alpha test: whether a walk goes straight on at a surface that covers only in part, with the probability of what it leaves open,
 /// which is also the factor of the segment. Both cancel in the throughput, and weights leave them out on both sides.
-fn passes_through_opening(
-    scene: &Scene,
-    point: &SurfacePoint,
-    numbers: &mut StreamSampler,
-) -> bool {
+fn passes_through_opening(scene: &Scene, point: &SurfacePoint, u: impl FnOnce() -> f64) -> bool {
     let coverage = scene.coverage(point);
-    coverage == 0.0 || coverage < 1.0 && numbers.next4()[0] >= coverage
+    coverage == 0.0 || coverage < 1.0 && u() >= coverage
 }
 
 /// Probability of going on after vertex `index` with `weight` relative to the start. It may depend on anything, since the weights

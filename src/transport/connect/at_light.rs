@@ -5,6 +5,7 @@ use super::{Candidate, Joiner, Numerator};
 use crate::geometry::{EndPoint, SurfacePoint};
 use crate::light::{DirectSample, HitMeasure, LightId};
 use crate::medium::MediumId;
+use crate::sampler::Draw;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Departure, Edge, EdgeDensity, PathView};
@@ -161,8 +162,8 @@ impl Joiner<'_> {
     }
 
     /// Draws a point of a light to be joined to `p`.
-    fn draw_light(&mut self, p: DVec3) -> Option<DirectLight> {
-        let u = self.numbers.next4();
+    fn draw_light(&self, p: DVec3, draw: Draw) -> Option<DirectLight> {
+        let u = self.sampler.set(draw);
         let (id, probability, u0) = self.context.scene.selection.sample(u[0])?;
         let sample = self.light(id).sample_direct(
             &self.context.light_context(),
@@ -200,7 +201,7 @@ impl Joiner<'_> {
         if !self.wants(1, j + 2) || !self.is_connectible(vertex) {
             return;
         }
-        let Some(drawn) = self.draw_light(vertex.p) else {
+        let Some(drawn) = self.draw_light(vertex.p, Draw::Direct(j + 1)) else {
             return;
         };
         let w = drawn.sample.toward;
@@ -229,7 +230,7 @@ impl Joiner<'_> {
             return;
         }
         let x_sensor = camera.origin;
-        let Some(drawn) = self.draw_light(x_sensor.p) else {
+        let Some(drawn) = self.draw_light(x_sensor.p, Draw::Direct(0)) else {
             return;
         };
         let w = drawn.sample.toward;

@@ -6,6 +6,7 @@ use crate::camera::SensorConnection;
 use crate::geometry::SurfacePoint;
 use crate::light::HitMeasure;
 use crate::medium::MediumId;
+use crate::sampler::Draw;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Departure, Edge, EdgeDensity, PathView};
 use crate::transport::subpath::{SensorHit, Subpath};
@@ -14,12 +15,12 @@ use glam::{DVec2, DVec3};
 
 impl Joiner<'_> {
     /// Draws a point of the sensor to be joined to `p`; numbers are drawn only where it has more than one.
-    fn draw_sensor(&mut self, p: DVec3, margin: f64) -> Option<SensorConnection> {
+    fn draw_sensor(&self, p: DVec3, draw: Draw, margin: f64) -> Option<SensorConnection> {
         let camera = &self.context.scene.sensors[self.context.sensor].camera;
         let u_lens = if camera.is_delta() {
             DVec2::ZERO
         } else {
-            let [u, v, _, _] = self.numbers.next4();
+            let [u, v, _, _] = self.sampler.set(draw);
             DVec2::new(u, v)
         };
         camera.sample_connection(p, u_lens, self.context.time, margin)
@@ -47,7 +48,7 @@ impl Joiner<'_> {
         if !self.wants(i + 2, 1) || !self.is_connectible(vertex) {
             return;
         }
-        let Some(drawn) = self.draw_sensor(vertex.p, margin) else {
+        let Some(drawn) = self.draw_sensor(vertex.p, Draw::Lens(i + 1), margin) else {
             return;
         };
         let w = drawn.toward;
@@ -77,7 +78,7 @@ impl Joiner<'_> {
             return;
         }
         let Some(surface) = x0.surface else { return };
-        let Some(drawn) = self.draw_sensor(x0.p, margin) else {
+        let Some(drawn) = self.draw_sensor(x0.p, Draw::Lens(0), margin) else {
             return;
         };
         let (context, toward) = (self.context, drawn.toward);
