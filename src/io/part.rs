@@ -12,7 +12,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 8] = *b"abbepart";
-const VERSION: u32 = 1;
+/// 2: random numbers by name of their draw; sums of version 1 belong to other images.
+const VERSION: u32 = 2;
 /// Before the header: magic, version, header length.
 const PREFIX: usize = 16;
 const CHECKSUM: usize = 8;

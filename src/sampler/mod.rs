@@ -1,7 +1,8 @@
-//! Random numbers: pure functions of (seed, sensor, pixel, pass, stream, dimension).
+//! Random numbers: pure functions of (seed, sensor, pixel, pass, name of the draw).
 //!
-//! Numbers come in sets of four from named streams, so that the length of one sub-path never shifts the numbers of another
-//! and a Metropolis sampler can take the same place.
+//! Each decision of a sample has a name and asks for its numbers by it ([`Draw`]), in any order and whatever else was decided:
+//! the same vertex has the same dimensions of the low-discrepancy sequence in every pass, and a Metropolis sampler can take the
+//! same place.
 //!
 //! Wavelengths have a sequence of their own, over pixels and passes at once: one digital net in base 2 (Niederreiter, "Point sets
 //! and sequences with small discrepancy", 1987), scrambled as a whole (Owen 1995). Any aligned block of 2^p pixels in Morton
@@ -13,20 +14,72 @@
 use crate::math::hash::{combine, random_bits, unit_f64};
 use sobol_burley::parts::owen_scramble_rev;
 
-/// Who consumes the numbers.
+/// A decision of one sample that takes random numbers. The first few of each kind are stratified over the passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stream {
-    /// Film position and lens.
-    Base = 0,
-    /// The camera sub-path: one set per vertex.
-    Camera = 1,
-    /// The light sub-path: two sets to start, then one per vertex.
-    Light = 2,
-    /// Direct connections and the choice of pairs: as many sets as connections ask for.
-    Connect = 3,
+pub enum Draw {
+    /// Film position and lens: two numbers each.
+    Film,
+    /// Scattering at camera vertex i: label, direction (two), Russian roulette.
+    Camera(usize),
+    /// The light that a light sub-path starts from, and the point on it (two).
+    LightStart,
+    /// First direction of a light sub-path: two.
+    LightDirection,
+    /// Scattering at light vertex i, as [`Draw::Camera`].
+    Light(usize),
+    /// The light that camera vertex j - 1 is connected to, and the point on it (two); 0: the point of a detector.
+    Direct(usize),
+    /// Point of the sensor that light vertex i - 1 is connected to: two; 0: the start of the light sub-path.
+    Lens(usize),
+    /// Whether light vertex i is joined to camera vertices 4 b .. 4 b + 3, one number each: (i, b).
+    Pairs(usize, usize),
+    /// Whether a camera sub-path passes the nth partly covered surface after as many vertices: (vertices, n).
+    CameraCoverage(usize, usize),
+    /// The same for a light sub-path.
+    LightCoverage(usize, usize),
+    /// Russian roulette before the shadow ray of strategy (s, t) under one of four pairs of labels: (s, t, labels).
+    Roulette(usize, usize, usize),
 }
 
-/// All streams of one sample.
+/// First set of [`Draw::Camera`] in the low-discrepancy sequence, which has 64.
+const CAMERA_SETS: u32 = 1;
+/// Of [`Draw::LightStart`].
+const LIGHT_SETS: u32 = 13;
+/// Of [`Draw::Direct`].
+const DIRECT_SETS: u32 = 25;
+/// Of [`Draw::Lens`].
+const LENS_SETS: u32 = 37;
+/// Of [`Draw::Pairs`].
+const PAIR_SETS: u32 = 49;
+/// One beyond the last.
+const END_OF_SETS: u32 = 64;
+
+impl Draw {
+    /// Number of its kind, a number of its own within the kind, and its set in the low-discrepancy sequence, if it has one.
+    fn place(self) -> (u64, u64, Option<u32>) {
+        let two = |a: usize, b: usize| (a as u64) << 26 | b as u64;
+        let within = |first: u32, i: usize, end: u32| {
+            let set = u32::try_from(i).ok()?.checked_add(first)?;
+            (set < end).then_some(set)
+        };
+        match self {
+            Self::Film => (0, 0, Some(0)),
+            Self::Camera(i) => (1, i as u64, within(CAMERA_SETS, i, LIGHT_SETS)),
+            Self::LightStart => (2, 0, Some(LIGHT_SETS)),
+            Self::LightDirection => (2, 1, Some(LIGHT_SETS + 1)),
+            Self::Light(i) => (2, i as u64 + 2, within(LIGHT_SETS + 2, i, DIRECT_SETS)),
+            Self::Direct(j) => (3, j as u64, within(DIRECT_SETS, j, LENS_SETS)),
+            Self::Lens(i) => (4, i as u64, within(LENS_SETS, i, PAIR_SETS)),
+            Self::Pairs(i, 0) => (5, two(i, 0), within(PAIR_SETS, i, END_OF_SETS)),
+            Self::Pairs(i, b) => (5, two(i, b), None),
+            Self::CameraCoverage(vertices, n) => (6, two(vertices, n), None),
+            Self::LightCoverage(vertices, n) => (7, two(vertices, n), None),
+            Self::Roulette(s, t, labels) => (8, two(s, 4 * t + labels), None),
+        }
+    }
+}
+
+/// All numbers of one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampler {
     key: u64,
@@ -35,9 +88,6 @@ pub struct Sampler {
     scramble: u64,
     pass: u32,
 }
-
-/// Sets of a stream that come from the low-discrepancy sequence; later ones are independent.
-const SOBOL_SETS: u32 = 12;
 
 impl Sampler {
     /// The numbers of pass `pass` of a pixel. Even and odd passes are scrambled independently, so that the two halves of the
@@ -80,16 +130,27 @@ impl Sampler {
             * (1.0 / 4_294_967_296.0)
     }
 
-    /// The numbers of one stream, from its start.
+    /// Four numbers, each in [0, 1) with 53 random bits.
     #[must_use]
-    pub fn stream(&self, stream: Stream) -> StreamSampler {
-        StreamSampler {
-            key: combine(self.key, stream as u64),
-            index: self.index,
-            scramble: combine(self.scramble, stream as u64) as u32,
-            first_set: stream as u32 * SOBOL_SETS,
-            set: 0,
-        }
+    pub fn set(&self, draw: Draw) -> [f64; 4] {
+        let (kind, index, sobol) = draw.place();
+        let fine: [f64; 4] = std::array::from_fn(|i| self.hashed(kind, index, i as u64));
+        let Some(set) = sobol else { return fine };
+        // the sequence gives the leading 23 bits, the hash the rest
+        let scramble = combine(self.scramble, kind) as u32;
+        let leading = sobol_burley::sample_4d(self.index, set, scramble);
+        std::array::from_fn(|i| f64::from(leading[i]) + fine[i] * (1.0 / 8_388_608.0))
+    }
+
+    /// One number in [0, 1) for a draw that is never stratified.
+    #[must_use]
+    pub fn number(&self, draw: Draw) -> f64 {
+        let (kind, index, _) = draw.place();
+        self.hashed(kind, index, 0)
+    }
+
+    fn hashed(&self, kind: u64, index: u64, component: u64) -> f64 {
+        unit_f64(random_bits(self.key, kind << 58 | index << 2 | component))
     }
 }
 
@@ -137,58 +198,70 @@ fn pascal_transposed(n: u32) -> u32 {
     n ^ n >> 16
 }
 
-/// The numbers of one stream, in sets of four.
-#[derive(Clone, Copy, Debug)]
-pub struct StreamSampler {
-    key: u64,
-    index: u32,
-    scramble: u32,
-    first_set: u32,
-    set: u32,
-}
-
-impl StreamSampler {
-    /// The next four numbers, each in [0, 1) with 53 random bits.
-    #[must_use]
-    pub fn next4(&mut self) -> [f64; 4] {
-        let set = self.set;
-        self.set += 1;
-        let counter = u64::from(set) * 4;
-        let fine: [f64; 4] =
-            std::array::from_fn(|i| unit_f64(random_bits(self.key, counter + i as u64)));
-        if set >= SOBOL_SETS {
-            return fine;
-        }
-        // the sequence gives the leading 23 bits, the hash the rest
-        let leading = sobol_burley::sample_4d(self.index, self.first_set + set, self.scramble);
-        std::array::from_fn(|i| f64::from(leading[i]) + fine[i] * (1.0 / 8_388_608.0))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::HashSet;
 
     #[test]
     fn numbers_are_in_range_and_depend_on_every_part_of_the_key() {
-        let first = |seed, sensor, pixel, pass, stream| {
-            let u = Sampler::new(seed, sensor, pixel, pass)
-                .stream(stream)
-                .next4();
+        let first = |seed, sensor, pixel, pass, draw| {
+            let u = Sampler::new(seed, sensor, pixel, pass).set(draw);
             assert!(u.iter().all(|&x| (0.0..1.0).contains(&x)));
             u
         };
-        let base = first(1, 0, 5, 2, Stream::Camera);
-        assert_eq!(base, first(1, 0, 5, 2, Stream::Camera));
+        let base = first(1, 0, 5, 2, Draw::Camera(0));
+        assert_eq!(base, first(1, 0, 5, 2, Draw::Camera(0)));
         for other in [
-            first(2, 0, 5, 2, Stream::Camera),
-            first(1, 1, 5, 2, Stream::Camera),
-            first(1, 0, 6, 2, Stream::Camera),
-            first(1, 0, 5, 3, Stream::Camera),
-            first(1, 0, 5, 2, Stream::Light),
+            first(2, 0, 5, 2, Draw::Camera(0)),
+            first(1, 1, 5, 2, Draw::Camera(0)),
+            first(1, 0, 6, 2, Draw::Camera(0)),
+            first(1, 0, 5, 3, Draw::Camera(0)),
+            first(1, 0, 5, 2, Draw::Light(0)),
         ] {
             assert_ne!(base, other);
         }
+    }
+
+    /// Every draw of sub-paths of up to 40 vertices.
+    fn draws() -> Vec<Draw> {
+        let mut all = vec![Draw::Film, Draw::LightStart, Draw::LightDirection];
+        for i in 0..40 {
+            all.extend([
+                Draw::Camera(i),
+                Draw::Light(i),
+                Draw::Direct(i),
+                Draw::Lens(i),
+            ]);
+            for j in 0..40 {
+                all.extend([
+                    Draw::Pairs(i, j),
+                    Draw::CameraCoverage(i, j),
+                    Draw::LightCoverage(i, j),
+                ]);
+                all.extend((0..4).map(|labels| Draw::Roulette(i, j, labels)));
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn no_two_draws_share_their_numbers() {
+        let sampler = Sampler::new(1, 0, 5, 2);
+        let all = draws();
+        let (mut numbers, mut sets) = (HashSet::new(), HashSet::new());
+        for &draw in &all {
+            let (kind, index, set) = draw.place();
+            assert!(kind < 63 && index < 1 << 56, "{draw:?}");
+            assert!(
+                set.is_none_or(|set| set < 64 && sets.insert(set)),
+                "{draw:?}"
+            );
+            numbers.extend(sampler.set(draw).map(f64::to_bits));
+        }
+        // all 64 sets of the sequence are in use
+        assert_eq!(sets.len(), 64);
+        assert_eq!(numbers.len(), 4 * all.len());
     }
 
     #[test]
@@ -196,13 +269,25 @@ mod tests {
         for half in 0..2 {
             let mut cells = [0; 64];
             for i in 0..64 {
-                let u = Sampler::new(9, 0, 77, 2 * i + half)
-                    .stream(Stream::Base)
-                    .next4();
+                let u = Sampler::new(9, 0, 77, 2 * i + half).set(Draw::Film);
                 cells[(u[0] * 64.0) as usize] += 1;
             }
             assert_eq!(cells, [1; 64]);
         }
+    }
+
+    #[test]
+    fn a_vertex_has_its_own_strata_whatever_other_vertices_draw() {
+        // 64 passes of one half; the light sample of vertex 3 falls once into each of 64 strata
+        let mut cells = [0; 64];
+        for i in 0..64 {
+            let sampler = Sampler::new(3, 0, 12, 2 * i);
+            for j in 0..i as usize % 3 {
+                let _ = sampler.set(Draw::Direct(j));
+            }
+            cells[(sampler.set(Draw::Direct(3))[1] * 64.0) as usize] += 1;
+        }
+        assert_eq!(cells, [1; 64]);
     }
 
     /// Strata (of 2^(p+q)) hit by the wavelengths of 2^p pixels over 2^q passes, from aligned starts.
