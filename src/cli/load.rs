@@ -14,12 +14,13 @@ use crate::scene::{Scene, Settings};
 use crate::spectrum::SensorResponse;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A loaded scene.
 #[derive(Debug)]
 pub struct Loaded {
     /// The scene.
-    pub scene: Scene,
+    pub scene: Arc<Scene>,
     /// How it is rendered.
     pub settings: Settings,
     /// Scale of the image.
@@ -52,7 +53,7 @@ pub fn load_frozen(
         source,
     })?;
     Ok(Loaded {
-        scene,
+        scene: Arc::new(scene),
         settings: file.settings,
         units: file.units,
         range_nm: wavelengths.range_nm,

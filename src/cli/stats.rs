@@ -3,9 +3,10 @@
 use super::CliError;
 use super::args::VERSION;
 use super::load::{Loaded, integrator_name};
-use super::usage::{cpu_seconds, peak_memory_bytes};
+use super::usage::peak_memory_bytes;
 use crate::io::atomic::write_atomic;
 use crate::render::bias::BiasEstimate;
+use crate::render::clock::cpu_seconds;
 use crate::render::forecast::Forecast;
 use crate::render::stop::StopReason;
 use crate::render::table::ClassShare;

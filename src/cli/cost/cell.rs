@@ -5,18 +5,18 @@
 
 use super::super::args::Aov;
 use super::super::image_output::{add_layers, xyz_image};
-use super::super::interrupt::Interrupt;
 use super::super::load::{self, Loaded};
-use super::super::usage::Clock;
 use super::super::{CliError, args::VERSION};
 use super::matrix::Variant;
 use crate::io::atomic::write_atomic;
 use crate::io::exr::{self, Channel};
 use crate::io::scene_file::document::hash_bytes;
-use crate::render::{OutputRequest, Render};
+use crate::render::{Cancel, OutputRequest, Render, Session, SessionOptions, StopReason};
 use serde::{Deserialize, Serialize};
 use std::io::Write as _;
+use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The layer that holds one sample of the standard error of Y per pixel: the scaled difference of the halves.
 pub const NOISE_CHANNEL: &str = "noise.Y";
@@ -61,7 +61,7 @@ pub struct Plan<'a> {
     /// Where files go.
     pub folder: &'a Path,
     /// Asked for between passes.
-    pub interrupt: Interrupt,
+    pub interrupt: Cancel,
 }
 
 impl Plan<'_> {
@@ -124,47 +124,48 @@ impl Plan<'_> {
         seconds: f64,
         layers: bool,
     ) -> Result<Option<(u64, Vec<Snapshot>)>, CliError> {
-        let crop = loaded.scene.sensors[self.sensor].whole_film();
-        let request = OutputRequest {
-            response: loaded.response(),
-            strategies: layers,
-            shares: layers,
-            ..OutputRequest::default()
+        let options = SessionOptions {
+            sensor: self.sensor,
+            outputs: OutputRequest {
+                response: loaded.response(),
+                strategies: layers,
+                shares: layers,
+                ..OutputRequest::default()
+            },
+            passes: Some(0..MOST_PASSES),
+            cancel: self.interrupt.clone(),
+            ..SessionOptions::default()
         };
-        let mut render = Render::new(&loaded.scene, self.sensor, &loaded.settings, crop, &request);
-        // pilots are over: a curve that began with them would seem to fall faster than it does
-        let mut clock = Clock::start();
-        let mut snapshots: Vec<Snapshot> = Vec::new();
-        for pass in 0..MOST_PASSES {
-            render.add_pass(pass);
-            if self.interrupt.is_set() {
-                return Ok(None);
+        let mut session = Session::new(Arc::clone(&loaded.scene), &loaded.settings, options)?;
+        let (mut rays, mut snapshots) = (0, Vec::new());
+        let stop = session.run_with(|session, progress| {
+            if progress.stop == Some(StopReason::Interrupted) {
+                return Ok(ControlFlow::Break(()));
             }
-            let passes = pass + 1;
-            let (cpu_seconds, wall_seconds) = clock.read();
+            rays = progress.rays;
+            let passes = progress.passes as u32;
+            // pilots do not count: a curve that began with them would seem to fall faster than it does
+            let cpu_seconds = progress.time.cpu_seconds();
             // two passes at least: the noise is told from halves; CPU time, so that others on the machine take nothing from a cell
             let used = cpu_seconds / rayon::current_num_threads() as f64;
             let last = passes == MOST_PASSES || passes >= 2 && used >= seconds;
             if last || !layers && passes >= 2 && passes.is_power_of_two() {
                 let image = format!("{stem}-{passes}.exr");
-                self.write(&image, loaded, &render, last)?;
+                self.write(&image, loaded, &session.render(), last)?;
                 snapshots.push(Snapshot {
                     image,
                     passes,
                     cpu_seconds: microseconds(cpu_seconds),
-                    wall_seconds: microseconds(wall_seconds),
+                    wall_seconds: microseconds(progress.time.wall.as_secs_f64()),
                 });
-                clock.skip_since((cpu_seconds, wall_seconds));
             }
-            if last {
-                break;
-            }
-        }
-        let counters = render.counters();
-        Ok(Some((
-            counters.closest_rays + counters.shadow_rays,
-            snapshots,
-        )))
+            Ok::<_, CliError>(if last {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            })
+        })?;
+        Ok((stop != StopReason::Interrupted).then_some((rays, snapshots)))
     }
 
     /// Writes the image: all of XYZ at the end of a cell, Y alone before, and a sample of its noise.

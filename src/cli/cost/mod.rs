@@ -13,7 +13,7 @@ mod plot;
 mod words;
 
 use super::args::{CostGroup, CostOptions, VERSION};
-use super::interrupt::Interrupt;
+use super::interrupt;
 use super::load::{self, Loaded};
 use super::readable::duration;
 use super::stats::effects_json;
@@ -76,7 +76,7 @@ pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
         name.into()
     });
     std::fs::create_dir_all(&folder).map_err(|e| FileError::new(&folder, e))?;
-    let interrupt = Interrupt::listen()?;
+    let interrupt = interrupt::listen()?;
     let pool = threads::pool(options.threads)?;
     let plan = Plan {
         scene: &options.scene,
