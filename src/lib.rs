@@ -24,7 +24,8 @@ pub mod transport;
 
 pub mod integrator;
 
-pub mod io;
 pub mod render;
+
+pub mod io;
 
 pub mod cli;

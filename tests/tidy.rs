@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The modules of each floor, from the ground up.
-const FLOORS: [&[&str]; 9] = [
+const FLOORS: [&[&str]; 10] = [
     &["math"],
     &["spectrum"],
     &["geometry", "texture"],
@@ -18,7 +18,8 @@ const FLOORS: [&[&str]; 9] = [
     &["scene"],
     &["transport"],
     &["integrator"],
-    &["io", "render"],
+    &["render"],
+    &["io"],
     &["cli"],
 ];
 /// The only uses between modules of one floor.

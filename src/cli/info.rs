@@ -32,7 +32,7 @@ pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
 
 /// What the scene calls for, and whether each sensor is regularized.
 fn effects(loaded: &Loaded) -> Vec<Effect> {
-    let decided = |sensor| decide(&loaded.scene, sensor, &loaded.settings).effect();
+    let decided = |sensor| summary::decided(&decide(&loaded.scene, sensor, &loaded.settings));
     let sensors = 0..loaded.scene.sensors.len();
     loaded
         .scene
@@ -213,7 +213,8 @@ fn to_text(loaded: &Loaded) -> String {
 
 /// Where the scene's wavelengths leave the data of an index.
 fn extrapolated(loaded: &Loaded, ior: &crate::spectrum::Ior) -> Vec<[f64; 2]> {
-    ior.validate(loaded.range_nm).unwrap_or_default()
+    ior.validate(loaded.scene.wavelength_settings.range_nm)
+        .unwrap_or_default()
 }
 
 fn to_json(loaded: &Loaded) -> Value {

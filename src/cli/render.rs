@@ -1,10 +1,7 @@
 //! `abbe render`: loads, renders each sensor pass by pass, writes images, statistics and part files.
 
-use super::args::{Aov, RenderOptions};
-use super::image_output::{
-    add_layers, film_of, guides_for, preview_path, spectral_image, write_image, write_part,
-    xyz_image,
-};
+use super::args::RenderOptions;
+use super::image_output::{preview_path, write_image};
 use super::interrupt;
 use super::load::{self, Loaded};
 use super::progress::Progress;
@@ -13,7 +10,8 @@ use super::usage::bytes_text;
 use super::{CliError, Outcome, print, summary, threads};
 use crate::film::Crop;
 use crate::io::atomic::check_writable;
-use crate::io::part::{self, PartHeader};
+use crate::io::layers::{self, Layer};
+use crate::io::{image, part};
 use crate::render::clock::cpu_seconds;
 use crate::render::guides::Guide;
 use crate::render::memory::{film_bytes, geometry_bytes, texture_bytes};
@@ -188,10 +186,11 @@ fn crop(options: &RenderOptions, loaded: &Loaded, sensor: usize) -> Result<Crop,
 fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
     let spectral = options.spectral.map(|bins| {
         let lines = loaded.scene.wavelengths.atoms().map(|(nm, _)| nm).collect();
-        SpectralChannels::new(loaded.range_nm, usize::from(bins), lines)
+        let range_nm = loaded.scene.wavelength_settings.range_nm;
+        SpectralChannels::new(range_nm, usize::from(bins), lines)
     });
-    let class = |a: &Aov| {
-        if let Aov::Class(regex) = a {
+    let class = |a: &Layer| {
+        if let Layer::Class(regex) = a {
             Some(regex.clone())
         } else {
             None
@@ -200,12 +199,12 @@ fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
     OutputRequest {
         response: loaded.response(),
         spectral,
-        strategies: options.aov.iter().any(|a| matches!(a, Aov::Strategies)),
+        strategies: options.aov.iter().any(|a| matches!(a, Layer::Strategies)),
         classes: options.aov.iter().filter_map(class).collect(),
         shares: options
             .aov
             .iter()
-            .any(|a| matches!(a, Aov::Unbiased | Aov::Regularized)),
+            .any(|a| matches!(a, Layer::Unbiased | Layer::Regularized)),
         class_table: options.stats.is_some(),
     }
 }
@@ -296,14 +295,14 @@ impl Job<'_> {
             let render = session.render();
             render.epsilon().is_some() && render.tells_bias()
         };
-        if options.aov.iter().any(|a| matches!(a, Aov::Bias)) && !tells_bias {
+        if options.aov.iter().any(|a| matches!(a, Layer::Bias)) && !tells_bias {
             return Err(CliError::Usage(
                 "the layer bias needs regularization and --set render.bias_estimate=true"
                     .to_owned(),
             ));
         }
         if options.resume {
-            self.resume(sensor, &mut session)?;
+            self.resume(&mut session)?;
         }
         let render = session.render();
         if !options.quiet {
@@ -322,7 +321,7 @@ impl Job<'_> {
                 ));
             }
         }
-        let guides = guides_for(&options.aov, &loaded.scene, sensor, &render);
+        let guides = layers::guides_for(&options.aov, &render);
         drop(render);
         let progress = Arc::new(Progress::new(
             &loaded.scene.sensors[sensor].name,
@@ -335,13 +334,13 @@ impl Job<'_> {
         let stop = session.run_with(|session, state| {
             progress.pass(state);
             if state.save_is_due {
-                self.save(sensor, &session.render(), &guides, targets)?;
+                self.save(&session.render(), &guides, targets)?;
             }
             Ok::<_, CliError>(ControlFlow::Continue(()))
         })?;
         progress.clear();
         let render = session.render();
-        self.save(sensor, &render, &guides, targets)?;
+        self.save(&render, &guides, targets)?;
         let mut stats = SensorStats::new(
             &loaded.scene.sensors[sensor].name,
             &render,
@@ -361,77 +360,32 @@ impl Job<'_> {
     }
 
     /// Continues with what the part file holds, if it is there.
-    fn resume(&self, sensor: usize, session: &mut Session) -> Result<(), CliError> {
-        let Some(path) = self.options.part.as_deref().filter(|p| p.exists()) else {
-            return Ok(());
-        };
-        let found = part::read(path)?;
-        let seed = self.loaded.settings.seed;
-        if found.header.passes.iter().any(|p| p.seed != seed) {
-            return Err(CliError::file(
-                path,
-                format!("cannot resume: it holds passes of another seed than {seed}"),
-            ));
+    fn resume(&self, session: &mut Session) -> Result<(), CliError> {
+        match self.options.part.as_deref().filter(|p| p.exists()) {
+            Some(path) => Ok(part::resume(session, path)?),
+            None => Ok(()),
         }
-        let expected = PartHeader {
-            passes: found.header.passes.clone(),
-            ..self.loaded.header(sensor, &session.render())
-        };
-        if found.header != expected {
-            let what = [
-                (
-                    "version of the program",
-                    found.header.version == expected.version,
-                ),
-                ("scene", found.header.scene_hash == expected.scene_hash),
-                ("sensor", found.header.sensor == expected.sensor),
-                ("crop", found.header.crop == expected.crop),
-            ];
-            let what = what.iter().find(|w| !w.1).map_or("settings", |w| w.0);
-            return Err(CliError::file(
-                path,
-                format!("cannot resume: it was made with another {what}"),
-            ));
-        }
-        let passes: Vec<u32> = found
-            .header
-            .passes
-            .iter()
-            .flat_map(|p| p.start..p.end)
-            .map(|p| p as u32)
-            .collect();
-        let film = film_of(&found)?;
-        session
-            .restore(&passes, &film.sums())
-            .map_err(|e| CliError::file(path, e.to_string()))
     }
 
-    fn save(
-        &self,
-        sensor: usize,
-        render: &Render,
-        guides: &[Guide],
-        targets: &Targets,
-    ) -> Result<(), CliError> {
-        let header = self.loaded.header(sensor, render);
-        if header.passes.is_empty() {
+    fn save(&self, render: &Render, guides: &[Guide], targets: &Targets) -> Result<(), CliError> {
+        if render.passes().is_empty() {
             return Err(CliError::Failed("there is no pass to render".to_owned()));
         }
-        let mut image = xyz_image(&render.outputs().image, &header);
-        add_layers(&mut image, &self.options.aov, render, guides);
+        let mut image = image::of(render);
+        layers::add(&mut image, &self.options.aov, render, guides);
         write_image(
             &targets.image,
             &image,
             targets.preview.as_deref(),
             self.options.exposure,
         )?;
-        if let (Some(path), Some(image)) = (&targets.spectral, spectral_image(render, &header)) {
+        if let (Some(path), Some(image)) = (&targets.spectral, image::spectral_of(render)) {
             write_image(path, &image, None, 0.0)?;
         }
-        match &self.options.part {
-            Some(path) => write_part(path, &render.outputs().image, header),
-            None => Ok(()),
+        if let Some(path) = &self.options.part {
+            part::write(path, &part::of(render))?;
         }
+        Ok(())
     }
 }
 

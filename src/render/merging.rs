@@ -20,9 +20,9 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 /// r₁ in widths of a pixel, where the camera sees something.
-const PIXELS: f64 = 2.0;
+pub const PIXELS: f64 = 2.0;
 /// r₁ as a share of the scene's radius elsewhere, as in SmallVCM.
-const SHARE: f64 = 0.003;
+pub const SHARE: f64 = 0.003;
 /// No radius is smaller than this share of the scene's radius, which positions of photons resolve.
 const LEAST_SHARE: f64 = 1e-5;
 /// Pixels whose light sub-paths one thread traces in one go.
@@ -38,7 +38,18 @@ pub struct RadiusChoice {
     /// Radius of the first pass in metres.
     pub radius: f64,
     /// How it was found.
-    pub reason: String,
+    pub reason: RadiusReason,
+}
+
+/// How r₁ was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RadiusReason {
+    /// The scene says it.
+    Given,
+    /// [`PIXELS`] at the distance of what the camera sees.
+    Pixels,
+    /// [`SHARE`] of the radius of the scene.
+    Scene,
 }
 
 /// What merging will hold in memory during a pass.
@@ -101,7 +112,7 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
     if let Some(radius) = frame.settings.merging.radius {
         return RadiusChoice {
             radius,
-            reason: "given".to_owned(),
+            reason: RadiusReason::Given,
         };
     }
     let camera = &scene.sensors[frame.sensor].camera;
@@ -137,11 +148,11 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
     match widths.get(widths.len() / 2) {
         Some(width) => RadiusChoice {
             radius: PIXELS * width,
-            reason: format!("{PIXELS} pixels at the distance of what the camera sees"),
+            reason: RadiusReason::Pixels,
         },
         None => RadiusChoice {
             radius: SHARE * scene.radius,
-            reason: format!("{SHARE} of the radius of the scene"),
+            reason: RadiusReason::Scene,
         },
     }
 }

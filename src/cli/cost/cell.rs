@@ -3,13 +3,14 @@
 //! A finished cell is a JSON file that names its images. A cell whose file is there and was made with the same scene, settings
 //! and time is not rendered again: an interrupted report goes on where it stopped.
 
-use super::super::args::Aov;
-use super::super::image_output::{add_layers, xyz_image};
+use super::super::CliError;
 use super::super::load::{self, Loaded};
-use super::super::{CliError, args::VERSION};
 use super::matrix::Variant;
 use crate::io::atomic::write_atomic;
 use crate::io::exr::{self, Channel};
+use crate::io::identity::{VERSION, settings_hash};
+use crate::io::image;
+use crate::io::layers::{self, Layer};
 use crate::io::scene_file::document::hash_bytes;
 use crate::render::{Cancel, OutputRequest, Render, Session, SessionOptions, StopReason};
 use serde::{Deserialize, Serialize};
@@ -82,7 +83,12 @@ impl Plan<'_> {
         let key = format!(
             "{VERSION} {:016x} {:016x} {:?} {} {seed} {seconds:?} {} {}",
             loaded.scene.hash,
-            loaded.settings_hash(self.sensor),
+            settings_hash(
+                &loaded.scene,
+                self.sensor,
+                &loaded.settings,
+                loaded.response()
+            ),
             variant.frozen,
             variant.layers,
             rayon::current_num_threads(),
@@ -151,7 +157,7 @@ impl Plan<'_> {
             let last = passes == MOST_PASSES || passes >= 2 && used >= seconds;
             if last || !layers && passes >= 2 && passes.is_power_of_two() {
                 let image = format!("{stem}-{passes}.exr");
-                self.write(&image, loaded, &session.render(), last)?;
+                self.write(&image, &session.render(), last)?;
                 snapshots.push(Snapshot {
                     image,
                     passes,
@@ -169,22 +175,11 @@ impl Plan<'_> {
     }
 
     /// Writes the image: all of XYZ at the end of a cell, Y alone before, and a sample of its noise.
-    fn write(
-        &self,
-        name: &str,
-        loaded: &Loaded,
-        render: &Render,
-        whole: bool,
-    ) -> Result<(), CliError> {
-        let header = loaded.header(self.sensor, render);
-        let mut image = xyz_image(&render.outputs().image, &header);
+    fn write(&self, name: &str, render: &Render, whole: bool) -> Result<(), CliError> {
+        let mut image = image::of(render);
         // what was not kept is not added
-        add_layers(
-            &mut image,
-            &[Aov::Strategies, Aov::Regularized],
-            render,
-            &[],
-        );
+        let kept = [Layer::Strategies, Layer::Regularized];
+        layers::add(&mut image, &kept, render, &[]);
         if !whole {
             image.channels.retain(|c| c.name == "Y");
         }

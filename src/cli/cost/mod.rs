@@ -12,13 +12,14 @@ mod pictures;
 mod plot;
 mod words;
 
-use super::args::{CostGroup, CostOptions, VERSION};
+use super::args::{CostGroup, CostOptions};
 use super::interrupt;
 use super::load::{self, Loaded};
 use super::readable::duration;
 use super::stats::effects_json;
 use super::{CliError, Outcome, print, threads};
 use crate::io::atomic::{FileError, write_atomic};
+use crate::io::identity::VERSION;
 use crate::math::image_error::mean_relative_square;
 use cell::{Cell, Plan};
 use matrix::{Base, Variant};
