@@ -32,7 +32,7 @@ const STRANGERS: [(&str, &str); 3] = [
 ];
 const MAX_LINES: usize = 700;
 /// Crates that only some files may name, so that replacing one touches only those.
-const CRATES: [(&str, &[&str]); 9] = [
+const CRATES: [(&str, &[&str]); 11] = [
     ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
@@ -45,6 +45,8 @@ const CRATES: [(&str, &[&str]); 9] = [
     ("gltf", &["io/gltf/"]),
     ("zune_jpeg", &["io/image_file.rs"]),
     ("clap", &["cli/"]),
+    ("ctrlc", &["cli/"]),
+    ("indicatif", &["cli/"]),
 ];
 
 fn root() -> PathBuf {

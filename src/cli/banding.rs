@@ -15,7 +15,7 @@ use crate::io::png::preview_bytes;
 use crate::math::banding::Banding;
 use crate::math::image_error::image_error;
 use crate::render::session::NO_LIMIT;
-use crate::render::{Render, Session, SessionOptions, SharedWavelengths};
+use crate::render::{Session, SessionOptions, SharedWavelengths};
 use crate::spectrum::xyz::xyz_to_linear_srgb;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -111,7 +111,7 @@ fn measure(options: &BandingOptions) -> Result<Findings, CliError> {
     let loaded = study.load("bdpt", "hero", 1)?;
     let mut session = study.session(&loaded, 0..options.reference_passes)?;
     session.run();
-    let reference = image(&session.render());
+    let reference = session.render().xyz();
     let mut rows = Vec::new();
     let shots = merged
         .into_iter()
@@ -127,10 +127,6 @@ fn measure(options: &BandingOptions) -> Result<Findings, CliError> {
         crop: study.crop,
         passes: study.passes,
     })
-}
-
-fn image(render: &Render) -> Vec<f64> {
-    render.outputs().image.image(render.passes().len() as u64)
 }
 
 impl<'o> Study<'o> {
@@ -200,7 +196,7 @@ impl<'o> Study<'o> {
                     method,
                     passes: progress.passes as usize,
                     seconds: progress.time.cpu_seconds(),
-                    xyz: image(&render),
+                    xyz: render.xyz(),
                     shared: render.shared_wavelengths(),
                 });
             }
@@ -226,7 +222,7 @@ impl<'o> Study<'o> {
                 method,
                 passes: progress.passes as usize,
                 seconds,
-                xyz: image(&session.render()),
+                xyz: session.render().xyz(),
                 shared: None,
             };
             if self.passes.contains(&(progress.passes as u32)) {

@@ -270,8 +270,13 @@ fn decode(bytes: &[u8]) -> Result<Part, String> {
     }
     let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| prefix[at + i]));
     if word(8) != VERSION {
+        let advice = if word(8) < VERSION {
+            ": render the passes again"
+        } else {
+            ""
+        };
         return Err(format!(
-            "version {}, this program reads version {VERSION}: render the passes again",
+            "version {}, this program reads version {VERSION}{advice}",
             word(8)
         ));
     }

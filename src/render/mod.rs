@@ -329,6 +329,12 @@ impl Render {
         &self.outputs
     }
 
+    /// X, Y and Z of each pixel, row by row: the mean of the passes.
+    #[must_use]
+    pub fn xyz(&self) -> Vec<f64> {
+        self.outputs.image.image(self.passes.len() as u64)
+    }
+
     /// The rendered part of the film.
     #[must_use]
     pub fn crop(&self) -> Crop {
