@@ -326,6 +326,47 @@ pub struct Material {
 }
 
 impl Material {
+    /// A mixture of lobes, by weight.
+    #[must_use]
+    pub fn mix<const N: usize>(lobes: [(f64, LobeSpec); N]) -> Self {
+        Self {
+            lobes: lobes.map(|(weight, lobe)| (weight.into(), lobe)).into(),
+            ..Self::default()
+        }
+    }
+
+    /// A Lambertian surface.
+    #[must_use]
+    pub fn diffuse(reflectance: impl Into<SpectrumTexture>) -> Self {
+        let reflectance = reflectance.into();
+        Self::mix([(1.0, LobeSpec::Diffuse { reflectance })])
+    }
+
+    /// A perfect mirror.
+    #[must_use]
+    pub fn mirror(reflectance: impl Into<SpectrumTexture>) -> Self {
+        let reflectance = reflectance.into();
+        Self::mix([(1.0, LobeSpec::Mirror { reflectance })])
+    }
+
+    /// A metal of GGX roughness `alpha` (0: smooth).
+    #[must_use]
+    pub fn metal(ior: Ior, alpha: f64) -> Self {
+        let (alpha, tint) = ([alpha.into(), alpha.into()], 1.0.into());
+        Self::mix([(1.0, LobeSpec::Conductor { ior, alpha, tint })])
+    }
+
+    /// The interface between the media on both sides of a surface, of GGX roughness `alpha` (0: smooth).
+    #[must_use]
+    pub fn interface(alpha: f64) -> Self {
+        let lobe = LobeSpec::Dielectric {
+            alpha: [alpha.into(), alpha.into()],
+            reflect_tint: 1.0.into(),
+            transmit_tint: 1.0.into(),
+        };
+        Self::mix([(1.0, lobe)])
+    }
+
     /// Appends the (weight, lobe) pairs of the point with texture coordinates `uv`. Lobes of weight 0 are left out, and any
     /// beyond the fourth.
     pub fn push_lobes(

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The modules of each floor, from the ground up.
-const FLOORS: [&[&str]; 9] = [
+const FLOORS: [&[&str]; 10] = [
     &["math"],
     &["spectrum"],
     &["geometry", "texture"],
@@ -18,7 +18,8 @@ const FLOORS: [&[&str]; 9] = [
     &["scene"],
     &["transport"],
     &["integrator"],
-    &["io", "render"],
+    &["render"],
+    &["io"],
     &["cli"],
 ];
 /// The only uses between modules of one floor.
@@ -33,7 +34,7 @@ const MAX_LINES: usize = 700;
 /// What a reader takes in before the first render.
 const README_LINES: usize = 150;
 /// Crates that only some files may name, so that replacing one touches only those.
-const CRATES: [(&str, &[&str]); 9] = [
+const CRATES: [(&str, &[&str]); 11] = [
     ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
@@ -46,6 +47,8 @@ const CRATES: [(&str, &[&str]); 9] = [
     ("gltf", &["io/gltf/"]),
     ("zune_jpeg", &["io/image_file.rs"]),
     ("clap", &["cli/"]),
+    ("ctrlc", &["cli/"]),
+    ("indicatif", &["cli/"]),
 ];
 
 fn root() -> PathBuf {

@@ -8,18 +8,20 @@ use super::args::BandingOptions;
 use super::compare::{bands, bands_json, region};
 use super::html::{escape, png_url};
 use super::load::{self, Loaded};
-use super::usage::Clock;
 use super::{CliError, Outcome, print, threads};
 use crate::film::{Crop, Filter};
 use crate::io::atomic::{check_writable, write_atomic};
 use crate::io::png::preview_bytes;
 use crate::math::banding::Banding;
 use crate::math::image_error::image_error;
-use crate::render::{OutputRequest, Render, SharedWavelengths};
+use crate::render::session::NO_LIMIT;
+use crate::render::{Session, SessionOptions, SharedWavelengths};
 use crate::spectrum::xyz::xyz_to_linear_srgb;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::Write as _;
+use std::ops::{ControlFlow, Range};
+use std::sync::Arc;
 
 /// Pixels between the pictures of the comparison.
 const GAP: usize = 4;
@@ -107,9 +109,9 @@ fn measure(options: &BandingOptions) -> Result<Findings, CliError> {
     let (equal_passes, equal_time) = study.bdpt(&merged)?;
     // another seed: its errors must not be those of the images
     let loaded = study.load("bdpt", "hero", 1)?;
-    let mut render = study.render(&loaded);
-    (0..options.reference_passes).for_each(|pass| render.add_pass(pass));
-    let reference = image(&render);
+    let mut session = study.session(&loaded, 0..options.reference_passes)?;
+    session.run();
+    let reference = session.render().xyz();
     let mut rows = Vec::new();
     let shots = merged
         .into_iter()
@@ -125,10 +127,6 @@ fn measure(options: &BandingOptions) -> Result<Findings, CliError> {
         crop: study.crop,
         passes: study.passes,
     })
-}
-
-fn image(render: &Render) -> Vec<f64> {
-    render.outputs().image.image(render.passes().len() as u64)
 }
 
 impl<'o> Study<'o> {
@@ -171,15 +169,14 @@ impl<'o> Study<'o> {
         Ok(loaded)
     }
 
-    fn render<'a>(&self, loaded: &'a Loaded) -> Render<'a> {
-        let request = OutputRequest::default();
-        Render::new(
-            &loaded.scene,
-            self.sensor,
-            &loaded.settings,
-            self.crop,
-            &request,
-        )
+    fn session(&self, loaded: &Loaded, passes: Range<u32>) -> Result<Session, CliError> {
+        let options = SessionOptions {
+            sensor: self.sensor,
+            passes: Some(passes),
+            ..SessionOptions::default()
+        };
+        let scene = Arc::clone(&loaded.scene);
+        Ok(Session::new(scene, &loaded.settings, options)?)
     }
 
     /// Images with merging after each number of passes, ascending.
@@ -189,23 +186,23 @@ impl<'o> Study<'o> {
         sharing: &str,
     ) -> Result<(Vec<Shot>, Memory), CliError> {
         let loaded = self.load("vcm", sharing, 0)?;
-        let mut render = self.render(&loaded);
-        let mut clock = Clock::start();
+        let last = self.passes.last().copied().unwrap_or(0);
+        let mut session = self.session(&loaded, 0..last)?;
         let mut shots = Vec::new();
-        for pass in 0..self.passes.last().copied().unwrap_or(0) {
-            render.add_pass(pass);
-            if self.passes.contains(&(pass + 1)) {
-                let now = clock.read();
+        session.run_with(|session, progress| {
+            if self.passes.contains(&(progress.passes as u32)) {
+                let render = session.render();
                 shots.push(Shot {
                     method,
-                    passes: pass as usize + 1,
-                    seconds: now.0,
-                    xyz: image(&render),
+                    passes: progress.passes as usize,
+                    seconds: progress.time.cpu_seconds(),
+                    xyz: render.xyz(),
                     shared: render.shared_wavelengths(),
                 });
-                clock.skip_since(now);
             }
-        }
+            Ok::<_, CliError>(ControlFlow::Continue(()))
+        })?;
+        let render = session.render();
         let counters = render.counters();
         let memory = Memory {
             bytes_per_vertex: render.bytes_per_photon().unwrap_or(0),
@@ -217,23 +214,18 @@ impl<'o> Study<'o> {
     /// Images without merging: after the same passes, and after the same CPU time.
     fn bdpt(&self, merged: &[Shot]) -> Result<(Vec<Shot>, Vec<Shot>), CliError> {
         let loaded = self.load("bdpt", "hero", 0)?;
-        let mut render = self.render(&loaded);
-        let mut clock = Clock::start();
+        let mut session = self.session(&loaded, 0..NO_LIMIT)?;
         let (mut by_passes, mut by_time) = (Vec::new(), Vec::new());
-        let mut pass = 0;
-        while by_passes.len() < self.passes.len() || by_time.len() < merged.len() {
-            render.add_pass(pass);
-            pass += 1;
-            let now = clock.read();
-            let seconds = now.0;
+        session.run_with(|session, progress| {
+            let seconds = progress.time.cpu_seconds();
             let shot = |method| Shot {
                 method,
-                passes: pass as usize,
+                passes: progress.passes as usize,
                 seconds,
-                xyz: image(&render),
+                xyz: session.render().xyz(),
                 shared: None,
             };
-            if self.passes.contains(&pass) {
+            if self.passes.contains(&(progress.passes as u32)) {
                 by_passes.push(shot("bdpt, as many passes"));
             }
             while merged
@@ -242,8 +234,13 @@ impl<'o> Study<'o> {
             {
                 by_time.push(shot("bdpt, as much time"));
             }
-            clock.skip_since(now);
-        }
+            let done = by_passes.len() == self.passes.len() && by_time.len() == merged.len();
+            Ok::<_, CliError>(if done {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            })
+        })?;
         Ok((by_passes, by_time))
     }
 

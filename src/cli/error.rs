@@ -5,6 +5,7 @@ use crate::io::atomic::FileError;
 use crate::io::exr::ExrError;
 use crate::io::part::PartError;
 use crate::io::scene_file::SceneFileErrors;
+use crate::render::SessionError;
 use crate::scene::BuildError;
 use crate::spectrum::LibraryError;
 use std::path::PathBuf;
@@ -46,6 +47,9 @@ pub enum CliError {
     /// Sums that do not fit.
     #[error(transparent)]
     Sums(#[from] AddSumsError),
+    /// A sensor or crop that the scene does not have.
+    #[error(transparent)]
+    Session(#[from] SessionError),
     /// A glass that there is not.
     #[error(transparent)]
     Library(#[from] LibraryError),

@@ -2,11 +2,13 @@
 
 use super::args::InfoOptions;
 use super::load::{Loaded, load};
-use super::usage::{bytes_text, film_bytes, geometry_bytes, texture_bytes};
+use super::usage::bytes_text;
 use super::{CliError, Outcome, glass, print, stats, summary};
 use crate::camera::Camera;
 use crate::geometry::{Shape, Shutter};
 use crate::light::Light;
+use crate::render::OutputRequest;
+use crate::render::memory::{film_bytes, geometry_bytes, texture_bytes};
 use crate::scene::effects::Effect;
 use crate::scene::moving::Moving;
 use crate::scene::regularization::decide;
@@ -30,7 +32,7 @@ pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
 
 /// What the scene calls for, and whether each sensor is regularized.
 fn effects(loaded: &Loaded) -> Vec<Effect> {
-    let decided = |sensor| decide(&loaded.scene, sensor, &loaded.settings).effect();
+    let decided = |sensor| summary::decided(&decide(&loaded.scene, sensor, &loaded.settings));
     let sensors = 0..loaded.scene.sensors.len();
     loaded
         .scene
@@ -105,10 +107,9 @@ fn triangles(loaded: &Loaded) -> usize {
 
 /// Bytes of the XYZ films of all sensors, each in full.
 fn films_bytes(loaded: &Loaded) -> u64 {
-    let sizes = loaded.scene.sensors.iter().map(|s| s.camera.resolution());
-    sizes
-        .map(|r| film_bytes(u64::from(r.width) * u64::from(r.height), 3))
-        .sum()
+    let request = OutputRequest::default();
+    let films = loaded.scene.sensors.iter().map(|s| s.whole_film());
+    films.map(|f| film_bytes(f.pixels(), &request)).sum()
 }
 
 /// Empty where the shutter is as it is by default.
@@ -212,7 +213,8 @@ fn to_text(loaded: &Loaded) -> String {
 
 /// Where the scene's wavelengths leave the data of an index.
 fn extrapolated(loaded: &Loaded, ior: &crate::spectrum::Ior) -> Vec<[f64; 2]> {
-    ior.validate(loaded.range_nm).unwrap_or_default()
+    ior.validate(loaded.scene.wavelength_settings.range_nm)
+        .unwrap_or_default()
 }
 
 fn to_json(loaded: &Loaded) -> Value {

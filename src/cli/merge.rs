@@ -1,9 +1,10 @@
 //! `abbe merge`: the image of disjoint passes, from their exact sums.
 
 use super::args::MergeOptions;
-use super::image_output::{film_of, preview_path, write_image, write_part, xyz_image};
+use super::image_output::{preview_path, write_image};
 use super::{CliError, Outcome, print};
 use crate::io::atomic::check_writable;
+use crate::io::image;
 use crate::io::part::{self, Part, PartError};
 
 /// Runs the command.
@@ -31,8 +32,7 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
             merged.header.channels
         )));
     }
-    let film = film_of(&merged)?;
-    let image = xyz_image(&film, &merged.header);
+    let image = image::of_part(&merged)?;
     write_image(
         &options.output,
         &image,
@@ -41,7 +41,7 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
     )?;
     let passes = merged.header.pass_count();
     if let Some(path) = &options.part {
-        write_part(path, &film, merged.header)?;
+        part::write(path, &merged)?;
     }
     if !options.quiet {
         print(&format!(

@@ -1,8 +1,12 @@
 //! The progress line on stderr: passes or time used, rate, time left. Silent where stderr is not a terminal.
 
-use crate::render::stop::StopRules;
+use crate::render::{self, Session, Tiles};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::time::Duration;
+use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
+use std::time::{Duration, Instant};
+
+/// Steps of the bar for each pass.
+const STEPS: u64 = 1000;
 
 /// A progress line.
 #[derive(Debug)]
@@ -10,14 +14,18 @@ pub struct Progress {
     bar: ProgressBar,
     /// The bar shows time used in milliseconds, not passes.
     by_time: bool,
+    /// When the session began.
+    began: Instant,
+    /// Passes added.
+    added: AtomicU64,
 }
 
 impl Progress {
-    /// For `passes` passes of a sensor, of which a time limit may cut off some.
+    /// For a session, of whose passes a time limit may cut off some.
     #[must_use]
-    pub fn new(name: &str, passes: u64, rules: &StopRules, quiet: bool) -> Self {
-        let by_time = rules.time.is_some();
-        let length = rules.time.map_or(passes, |t| t.as_millis() as u64);
+    pub fn new(name: &str, session: &Session, limit: Option<Duration>, quiet: bool) -> Self {
+        let passes = STEPS.saturating_mul(session.passes_left());
+        let length = limit.map_or(passes, |t| t.as_millis() as u64);
         // the target hides itself where stderr is not a terminal
         let target = if quiet {
             ProgressDrawTarget::hidden()
@@ -25,7 +33,7 @@ impl Progress {
             ProgressDrawTarget::stderr_with_hz(5)
         };
         let bar = ProgressBar::with_draw_target(Some(length), target);
-        let template = if by_time {
+        let template = if limit.is_some() {
             "{prefix} [{bar:30}] {msg}, {eta} left"
         } else {
             "{prefix} [{bar:30}] {percent} %, {msg}, {eta} left"
@@ -34,24 +42,47 @@ impl Progress {
             bar.set_style(style.progress_chars("=> "));
         }
         bar.set_prefix(name.to_owned());
-        Self { bar, by_time }
+        let now = Instant::now();
+        Self {
+            bar,
+            by_time: limit.is_some(),
+            began: now.checked_sub(session.elapsed()).unwrap_or(now),
+            added: AtomicU64::new(0),
+        }
     }
 
-    /// After a pass: passes done, rays so far, time used.
-    pub fn update(&self, passes: u64, rays: u64, elapsed: Duration) {
-        let rate = rays as f64 * 1e-6 / elapsed.as_secs_f64().max(1e-9);
+    /// After a tile.
+    pub fn tile(&self, tiles: Tiles) {
+        let added = self.added.load(SeqCst);
+        self.place(STEPS * added + STEPS * tiles.done / tiles.all);
+    }
+
+    /// After a pass.
+    pub fn pass(&self, state: &render::Progress) {
+        self.added.store(state.added, SeqCst);
+        let rate = state.rays as f64 * 1e-6 / state.elapsed.as_secs_f64().max(1e-9);
+        let passes = state.added;
         self.bar
             .set_message(format!("{passes} passes, {rate:.2} Mrays/s"));
+        self.place(STEPS * passes);
+    }
+
+    fn place(&self, steps: u64) {
         self.bar.set_position(if self.by_time {
-            elapsed.as_millis() as u64
+            self.began.elapsed().as_millis() as u64
         } else {
-            passes
+            steps
         });
+    }
+
+    /// Takes the line away.
+    pub fn clear(&self) {
+        self.bar.finish_and_clear();
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.bar.finish_and_clear();
+        self.clear();
     }
 }

@@ -1,36 +1,35 @@
 //! `abbe render`: loads, renders each sensor pass by pass, writes images, statistics and part files.
 
-use super::args::{Aov, RenderOptions};
-use super::image_output::{
-    add_layers, film_of, guides_for, preview_path, spectral_image, write_image, write_part,
-    xyz_image,
-};
-use super::interrupt::Interrupt;
+use super::args::RenderOptions;
+use super::image_output::{preview_path, write_image};
+use super::interrupt;
 use super::load::{self, Loaded};
 use super::progress::Progress;
 use super::stats::{self, SensorStats};
-use super::usage::{bytes_text, film_bytes, geometry_bytes, texture_bytes};
+use super::usage::bytes_text;
 use super::{CliError, Outcome, print, summary, threads};
 use crate::film::Crop;
 use crate::io::atomic::check_writable;
-use crate::io::part::{self, PartHeader};
-use crate::render::forecast::ErrorHistory;
+use crate::io::layers::{self, Layer};
+use crate::io::{image, part};
+use crate::render::clock::cpu_seconds;
 use crate::render::guides::Guide;
-use crate::render::stop::{StopReason, StopRules};
-use crate::render::{OutputRequest, PhotonMemory, Render};
+use crate::render::memory::{film_bytes, geometry_bytes, texture_bytes};
+use crate::render::session::NO_LIMIT;
+use crate::render::{
+    Cancel, OutputRequest, PhotonMemory, Render, Session, SessionOptions, StopReason, StopRules,
+};
 use crate::scene::Scene;
 use crate::spectrum::SpectralChannels;
-use std::cell::LazyCell;
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
 
 /// The image is rewritten at least this often.
 const SAVE_INTERVAL: Duration = Duration::from_secs(60);
-/// One past the last pass of a render that is limited by time or error alone.
-const NO_LIMIT: u32 = u32::MAX - 1;
 
 /// Where the results of one sensor go.
 #[derive(Clone, Debug)]
@@ -47,7 +46,7 @@ struct Job<'a> {
     request: OutputRequest,
     passes: Range<u32>,
     rules: StopRules,
-    interrupt: Interrupt,
+    cancel: Cancel,
 }
 
 /// Runs the command.
@@ -67,7 +66,7 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
     let request = output_request(options, &loaded);
     check_memory(options, &loaded, &request, &crops)?;
     // from here on: the first output says that an interrupt is safe
-    let interrupt = Interrupt::listen()?;
+    let cancel = interrupt::listen()?;
     if !options.quiet {
         for warning in &loaded.warnings {
             eprintln!("warning: {warning}");
@@ -91,7 +90,7 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
             time: options.time.map(duration),
             target_error: options.target_error,
         },
-        interrupt,
+        cancel,
         loaded: &loaded,
     };
     let threads = pool.current_num_threads();
@@ -187,10 +186,11 @@ fn crop(options: &RenderOptions, loaded: &Loaded, sensor: usize) -> Result<Crop,
 fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
     let spectral = options.spectral.map(|bins| {
         let lines = loaded.scene.wavelengths.atoms().map(|(nm, _)| nm).collect();
-        SpectralChannels::new(loaded.range_nm, usize::from(bins), lines)
+        let range_nm = loaded.scene.wavelength_settings.range_nm;
+        SpectralChannels::new(range_nm, usize::from(bins), lines)
     });
-    let class = |a: &Aov| {
-        if let Aov::Class(regex) = a {
+    let class = |a: &Layer| {
+        if let Layer::Class(regex) = a {
             Some(regex.clone())
         } else {
             None
@@ -199,12 +199,12 @@ fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
     OutputRequest {
         response: loaded.response(),
         spectral,
-        strategies: options.aov.iter().any(|a| matches!(a, Aov::Strategies)),
+        strategies: options.aov.iter().any(|a| matches!(a, Layer::Strategies)),
         classes: options.aov.iter().filter_map(class).collect(),
         shares: options
             .aov
             .iter()
-            .any(|a| matches!(a, Aov::Unbiased | Aov::Regularized)),
+            .any(|a| matches!(a, Layer::Unbiased | Layer::Regularized)),
         class_table: options.stats.is_some(),
     }
 }
@@ -218,18 +218,10 @@ fn check_memory(
     // sensors are rendered one after the other
     let films = crops
         .iter()
-        .map(|c| film_bytes(c.pixels(), channels(request)))
+        .map(|c| film_bytes(c.pixels(), request))
         .max()
         .unwrap_or(0);
     within_limit(options, films, &loaded.scene, None)
-}
-
-/// Channels of all films of a render.
-fn channels(request: &OutputRequest) -> u64 {
-    let shares = if request.shares { 2 } else { 0 };
-    let spectral = request.spectral.as_ref();
-    let spectral = spectral.map_or(0, SpectralChannels::count);
-    (3 * (1 + request.classes.len() + shares) + spectral) as u64
 }
 
 /// Whether films, meshes, textures and photons fit into what is allowed.
@@ -286,19 +278,33 @@ impl Job<'_> {
         let Self {
             options, loaded, ..
         } = self;
-        let start = Instant::now();
-        let cpu_start = super::usage::cpu_seconds();
-        let mut render = Render::new(&loaded.scene, sensor, &loaded.settings, crop, &self.request);
-        let tells_bias = render.epsilon().is_some() && render.tells_bias();
-        if options.aov.iter().any(|a| matches!(a, Aov::Bias)) && !tells_bias {
+        let cpu_start = cpu_seconds();
+        let session_options = SessionOptions {
+            sensor,
+            crop: Some(crop),
+            outputs: self.request.clone(),
+            passes: Some(self.passes.clone()),
+            stop: self.rules,
+            cancel: self.cancel.clone(),
+            live: false,
+            save_interval: Some(SAVE_INTERVAL),
+        };
+        let scene = Arc::clone(&loaded.scene);
+        let mut session = Session::new(scene, &loaded.settings, session_options)?;
+        let tells_bias = {
+            let render = session.render();
+            render.epsilon().is_some() && render.tells_bias()
+        };
+        if options.aov.iter().any(|a| matches!(a, Layer::Bias)) && !tells_bias {
             return Err(CliError::Usage(
                 "the layer bias needs regularization and --set render.bias_estimate=true"
                     .to_owned(),
             ));
         }
         if options.resume {
-            self.resume(sensor, &mut render)?;
+            self.resume(&mut session)?;
         }
+        let render = session.render();
         if !options.quiet {
             print(&summary::regularization(&render));
         }
@@ -306,7 +312,7 @@ impl Job<'_> {
             if !options.quiet {
                 print(&summary::merging(radius, &memory));
             }
-            let films = film_bytes(crop.pixels(), channels(&self.request));
+            let films = film_bytes(crop.pixels(), &self.request);
             within_limit(options, films, &loaded.scene, Some(&memory))?;
             if !memory.is_addressable() {
                 return Err(CliError::Failed(
@@ -315,70 +321,34 @@ impl Job<'_> {
                 ));
             }
         }
-        let guides = guides_for(&options.aov, &loaded.scene, sensor, &render);
-        let done: BTreeSet<u32> = render.passes().iter().copied().collect();
-        let all = u64::from(self.passes.end - self.passes.start);
-        let progress = Progress::new(
+        let guides = layers::guides_for(&options.aov, &render);
+        drop(render);
+        let progress = Arc::new(Progress::new(
             &loaded.scene.sensors[sensor].name,
-            all - done.range(self.passes.clone()).count() as u64,
-            &self.rules,
+            &session,
+            self.rules.time,
             options.quiet,
-        );
-        let mut stop = StopReason::Passes;
-        let mut saved = Instant::now();
-        let first_pass = Instant::now();
-        let (mut history, mut rendered) = (ErrorHistory::default(), 0);
-        let todo = self.passes.clone().filter(|p| !done.contains(p));
-        let mut todo = todo.zip(1_u64..).peekable();
-        while let Some((pass, count)) = todo.next() {
-            let pass_start = Instant::now();
-            render.add_pass(pass);
-            rendered = count;
-            let error = LazyCell::new(|| render.error().map(|e| e.relative));
-            history.after_pass(render.passes().len() as u64, || *error);
-            let counters = render.counters();
-            progress.update(
-                count,
-                counters.closest_rays + counters.shadow_rays,
-                start.elapsed(),
-            );
-            // an interrupt during the last pass changes nothing
-            if todo.peek().is_none() {
-                break;
+        ));
+        let bar = Arc::clone(&progress);
+        session.observe(move |tiles| bar.tile(tiles));
+        let stop = session.run_with(|session, state| {
+            progress.pass(state);
+            if state.save_is_due {
+                self.save(&session.render(), &guides, targets)?;
             }
-            let reason = if self.interrupt.is_set() {
-                Some(StopReason::Interrupted)
-            } else {
-                self.rules
-                    .check(render.passes().len(), start.elapsed(), || *error)
-            };
-            if let Some(reason) = reason {
-                stop = reason;
-                break;
-            }
-            if saved.elapsed() + pass_start.elapsed() >= SAVE_INTERVAL {
-                self.save(sensor, &render, &guides, targets)?;
-                saved = Instant::now();
-            }
-        }
-        let pass_time = first_pass.elapsed();
-        drop(progress);
-        self.save(sensor, &render, &guides, targets)?;
+            Ok::<_, CliError>(ControlFlow::Continue(()))
+        })?;
+        progress.clear();
+        let render = session.render();
+        self.save(&render, &guides, targets)?;
         let mut stats = SensorStats::new(
             &loaded.scene.sensors[sensor].name,
             &render,
             stop,
-            start.elapsed(),
+            session.elapsed(),
             cpu_start,
         );
-        stats.forecast = stats.error.filter(|_| rendered > 0).map(|error| {
-            let half = 0.5 * error.relative;
-            let below = |target: &f64| *target < error.relative;
-            let target = options.target_error.filter(below).unwrap_or(half);
-            let per_pass = pass_time.div_f64(rendered as f64);
-            let passes = stats.passes.len() as u64;
-            (target, history.forecast(passes, &error, per_pass, target))
-        });
+        stats.forecast = session.forecast(options.target_error);
         if !options.quiet {
             let exposure = targets
                 .preview
@@ -390,77 +360,32 @@ impl Job<'_> {
     }
 
     /// Continues with what the part file holds, if it is there.
-    fn resume(&self, sensor: usize, render: &mut Render) -> Result<(), CliError> {
-        let Some(path) = self.options.part.as_deref().filter(|p| p.exists()) else {
-            return Ok(());
-        };
-        let found = part::read(path)?;
-        let seed = self.loaded.settings.seed;
-        if found.header.passes.iter().any(|p| p.seed != seed) {
-            return Err(CliError::file(
-                path,
-                format!("cannot resume: it holds passes of another seed than {seed}"),
-            ));
+    fn resume(&self, session: &mut Session) -> Result<(), CliError> {
+        match self.options.part.as_deref().filter(|p| p.exists()) {
+            Some(path) => Ok(part::resume(session, path)?),
+            None => Ok(()),
         }
-        let expected = PartHeader {
-            passes: found.header.passes.clone(),
-            ..self.loaded.header(sensor, render)
-        };
-        if found.header != expected {
-            let what = [
-                (
-                    "version of the program",
-                    found.header.version == expected.version,
-                ),
-                ("scene", found.header.scene_hash == expected.scene_hash),
-                ("sensor", found.header.sensor == expected.sensor),
-                ("crop", found.header.crop == expected.crop),
-            ];
-            let what = what.iter().find(|w| !w.1).map_or("settings", |w| w.0);
-            return Err(CliError::file(
-                path,
-                format!("cannot resume: it was made with another {what}"),
-            ));
-        }
-        let passes: Vec<u32> = found
-            .header
-            .passes
-            .iter()
-            .flat_map(|p| p.start..p.end)
-            .map(|p| p as u32)
-            .collect();
-        let film = film_of(&found)?;
-        render
-            .restore(&passes, &film.sums())
-            .map_err(|e| CliError::file(path, e.to_string()))
     }
 
-    fn save(
-        &self,
-        sensor: usize,
-        render: &Render,
-        guides: &[Guide],
-        targets: &Targets,
-    ) -> Result<(), CliError> {
-        let header = self.loaded.header(sensor, render);
-        if header.passes.is_empty() {
+    fn save(&self, render: &Render, guides: &[Guide], targets: &Targets) -> Result<(), CliError> {
+        if render.passes().is_empty() {
             return Err(CliError::Failed("there is no pass to render".to_owned()));
         }
-        let mut image = xyz_image(&render.outputs().image, &header);
-        add_layers(&mut image, &self.options.aov, render, guides);
+        let mut image = image::of(render);
+        layers::add(&mut image, &self.options.aov, render, guides);
         write_image(
             &targets.image,
             &image,
             targets.preview.as_deref(),
             self.options.exposure,
         )?;
-        if let (Some(path), Some(image)) = (&targets.spectral, spectral_image(render, &header)) {
+        if let (Some(path), Some(image)) = (&targets.spectral, image::spectral_of(render)) {
             write_image(path, &image, None, 0.0)?;
         }
-        match &self.options.part {
-            Some(path) => write_part(path, &render.outputs().image, header),
-            None => Ok(()),
+        if let Some(path) = &self.options.part {
+            part::write(path, &part::of(render))?;
         }
+        Ok(())
     }
 }
 

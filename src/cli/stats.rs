@@ -1,11 +1,13 @@
 //! Statistics as JSON: what was computed, what it cost, and the table of path classes and strategies.
 
 use super::CliError;
-use super::args::VERSION;
-use super::load::{Loaded, integrator_name};
-use super::usage::{cpu_seconds, peak_memory_bytes};
+use super::load::Loaded;
+use super::summary::decided;
+use super::usage::peak_memory_bytes;
 use crate::io::atomic::write_atomic;
+use crate::io::identity::{VERSION, integrator_name};
 use crate::render::bias::BiasEstimate;
+use crate::render::clock::cpu_seconds;
 use crate::render::forecast::Forecast;
 use crate::render::stop::StopReason;
 use crate::render::table::ClassShare;
@@ -177,7 +179,7 @@ impl SensorStats {
             rarely_hit: render.table().rarely_hit(FEW_HITS),
             epsilon: EpsilonStats::new(render),
             merging: MergeStats::new(render),
-            regularization: effect_json(&render.regularization().effect()),
+            regularization: effect_json(&decided(render.regularization())),
             table: rows.collect(),
             counters,
         }

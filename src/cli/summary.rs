@@ -6,6 +6,7 @@ use super::usage::bytes_text;
 use crate::render::forecast::Forecast;
 use crate::render::{PhotonMemory, RadiusChoice, Render};
 use crate::scene::effects::Effect;
+use crate::scene::regularization::Decision;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -28,10 +29,20 @@ pub fn effects(effects: &[Effect]) -> String {
     format!("effects\n{}", effects.iter().map(line).collect::<String>())
 }
 
+/// A decision on regularization as an effect of the render.
+#[must_use]
+pub fn decided(decision: &Decision) -> Effect {
+    Effect {
+        name: "regularization",
+        on: decision.mode.is_some(),
+        reason: decision.to_string(),
+    }
+}
+
 /// Whether and with which cones a render is regularized.
 #[must_use]
 pub fn regularization(render: &Render) -> String {
-    let mut text = effects(&[render.regularization().effect()])
+    let mut text = effects(&[decided(render.regularization())])
         .trim_start_matches("effects\n")
         .to_owned();
     if let Some(choice) = render.epsilon() {

@@ -342,6 +342,25 @@ impl Film {
         }
         Ok(())
     }
+
+    /// Moves the sums and counts of another film of the same size into this one and leaves it empty. A sum that would
+    /// overflow stays as it was and counts as saturated.
+    pub fn take(&mut self, other: &mut Self) {
+        debug_assert!(self.sums.len() == other.sums.len());
+        for (sum, more) in self.sums.iter_mut().zip(&mut other.sums) {
+            let value = more.get();
+            if value == 0 {
+                continue;
+            }
+            match sum.get().checked_add(value) {
+                Some(total) => sum.set(total),
+                None => *self.saturated.get_mut() += 1,
+            }
+            more.set(0);
+        }
+        *self.not_finite.get_mut() += std::mem::take(other.not_finite.get_mut());
+        *self.saturated.get_mut() += std::mem::take(other.saturated.get_mut());
+    }
 }
 
 fn mean_scale(passes: u64) -> f64 {

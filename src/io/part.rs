@@ -4,15 +4,17 @@
 //! row, channels innermost), u64 checksum of everything before it. Integer sums: any order of merging gives the same bits.
 
 use super::atomic::{FileError, write_atomic};
+use super::identity;
 use super::scene_file::document::hash_bytes;
 use crate::film::Crop;
+use crate::render::{Render, Session};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 8] = *b"abbepart";
-/// 2: random numbers by name of their draw; sums of version 1 belong to other images.
+/// 1 hashed settings by the names of this program's code, and its sums took random numbers in their order of use.
 const VERSION: u32 = 2;
 /// Before the header: magic, version, header length.
 const PREFIX: usize = 16;
@@ -132,6 +134,14 @@ pub enum PartError {
         /// What is wrong.
         message: String,
     },
+    /// A render that is not the one that the part is of.
+    #[error("{}: cannot resume: {message}", path.display())]
+    Resume {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        message: String,
+    },
     /// Parts that do not belong together.
     #[error("parts differ in {what}: {first} and {second}")]
     Mismatch {
@@ -151,6 +161,55 @@ pub enum PartError {
     /// Sums left the range of 128 bits.
     #[error("the sums overflow")]
     Overflow,
+}
+
+/// The part that a render has done.
+#[must_use]
+pub fn of(render: &Render) -> Part {
+    Part {
+        header: identity::header(render),
+        sums: render.outputs().image.sums(),
+    }
+}
+
+/// Continues a session with the passes of a part file.
+///
+/// # Errors
+/// The file cannot be read, is not a valid part, or one of another render.
+pub fn resume(session: &mut Session, path: &Path) -> Result<(), PartError> {
+    let refused = |message: String| PartError::Resume {
+        path: path.to_owned(),
+        message,
+    };
+    let Part { header, sums } = read(path)?;
+    let (expected, seed) = {
+        let render = session.render();
+        (identity::header(&render), render.settings().seed)
+    };
+    if header.passes.iter().any(|p| p.seed != seed) {
+        return Err(refused(format!(
+            "it holds passes of another seed than {seed}"
+        )));
+    }
+    let expected = PartHeader {
+        passes: header.passes.clone(),
+        ..expected
+    };
+    if header != expected {
+        let what = [
+            ("version of the program", header.version == expected.version),
+            ("scene", header.scene_hash == expected.scene_hash),
+            ("sensor", header.sensor == expected.sensor),
+            ("crop", header.crop == expected.crop),
+        ];
+        let what = what.iter().find(|w| !w.1).map_or("settings", |w| w.0);
+        return Err(refused(format!("it was made with another {what}")));
+    }
+    let ranges = header.passes.iter().map(|p| p.start..p.end);
+    let passes: Vec<u32> = ranges.flatten().map(|p| p as u32).collect();
+    session
+        .restore(&passes, &sums)
+        .map_err(|e| refused(e.to_string()))
 }
 
 /// Writes a part.
@@ -211,8 +270,13 @@ fn decode(bytes: &[u8]) -> Result<Part, String> {
     }
     let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| prefix[at + i]));
     if word(8) != VERSION {
+        let advice = if word(8) < VERSION {
+            ": render the passes again"
+        } else {
+            ""
+        };
         return Err(format!(
-            "version {}, this program reads version {VERSION}",
+            "version {}, this program reads version {VERSION}{advice}",
             word(8)
         ));
     }
@@ -398,6 +462,21 @@ mod tests {
             Err(PartError::Overflow)
         ));
         assert!(matches!(merge([]), Err(PartError::Empty)));
+    }
+
+    #[test]
+    fn other_versions_are_refused_by_name() {
+        let dir = tempfile::tempdir().expect("temporary folder");
+        let path = dir.path().join("old.part");
+        let mut bytes = encode(&part(1, 0, 2, 5)).expect("valid");
+        bytes[8..12].copy_from_slice(&1_u32.to_le_bytes());
+        std::fs::write(&path, bytes).expect("writes");
+        let message = read(&path).expect_err("refused").to_string();
+        let expected = format!(
+            "{}: not a valid part file (version 1, this program reads version 2: render the passes again)",
+            path.display()
+        );
+        assert_eq!(message, expected);
     }
 
     #[test]

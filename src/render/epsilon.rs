@@ -22,7 +22,7 @@ use rayon::prelude::*;
 /// ε of the authors' images, used where the scene says nothing.
 const FALLBACK: f64 = 0.04;
 /// Blur of the first pass in pixels.
-const BLUR_PIXELS: f64 = 8.0;
+pub const BLUR_PIXELS: f64 = 8.0;
 /// What ε₁ is kept within, in radians. Above, the weights' own bias is a few percent.
 const RANGE: [f64; 2] = [1e-4, 0.08];
 /// How far the two renders may move it, as factors.
@@ -44,7 +44,45 @@ pub struct EpsilonChoice {
     /// Half-aperture in radians.
     pub epsilon: f64,
     /// How it was found.
-    pub reason: String,
+    pub reason: EpsilonReason,
+}
+
+/// How ε₁ was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum EpsilonReason {
+    /// The scene says it.
+    Given,
+    /// No path of the pilot joins a specular surface to another one.
+    NoSpecularNeighbor,
+    /// By geometry, then by two short renders.
+    Found {
+        /// The larger of the geometric bounds.
+        prior: Prior,
+        /// That bound in radians.
+        prior_rad: f64,
+        /// What the renders made of it.
+        refinement: Refinement,
+    },
+}
+
+/// Geometric bounds of ε₁.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Prior {
+    /// Half the angular radius of the lights.
+    Lights,
+    /// A blur of [`BLUR_PIXELS`].
+    Blur,
+}
+
+/// Results of the two short renders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Refinement {
+    /// Nothing was regularized.
+    Nothing,
+    /// Squared bias and variance balance at this half-aperture in radians.
+    Balance(f64),
+    /// The bias is lost in noise.
+    LostInNoise,
 }
 
 /// Chooses ε₁ for a sensor.
@@ -53,7 +91,7 @@ pub fn choose(frame: &Frame, response: SensorResponse) -> EpsilonChoice {
     if let Some(epsilon) = frame.settings.regularization.epsilon {
         return EpsilonChoice {
             epsilon,
-            reason: "given".to_owned(),
+            reason: EpsilonReason::Given,
         };
     }
     let settings = Settings {
@@ -69,9 +107,9 @@ pub fn choose(frame: &Frame, response: SensorResponse) -> EpsilonChoice {
     match pilot.prior() {
         None => EpsilonChoice {
             epsilon: FALLBACK,
-            reason: "no path of the pilot joins a specular surface to another one".to_owned(),
+            reason: EpsilonReason::NoSpecularNeighbor,
         },
-        Some((prior, why)) => pilot.refined(prior, &why),
+        Some((prior_rad, prior)) => pilot.refined(prior_rad, prior),
     }
 }
 
@@ -102,7 +140,7 @@ impl Pilot<'_> {
     }
 
     /// ε by geometry, with its reason.
-    fn prior(&self) -> Option<(f64, String)> {
+    fn prior(&self) -> Option<(f64, Prior)> {
         let pass = PassSettings {
             index: FIRST_PASS,
             ..PassSettings::default()
@@ -127,12 +165,12 @@ impl Pilot<'_> {
         let mut by_light: Vec<f64> = found.iter().map(|f| f.1).collect();
         let pixel = quantile(&mut by_pixel, 0.25);
         let light = quantile(&mut by_light, 0.5);
-        let why = if light > pixel {
-            "half the angular radius of the lights"
+        let prior = if light > pixel {
+            Prior::Lights
         } else {
-            "a blur of 8 pixels"
+            Prior::Blur
         };
-        Some((light.max(pixel).clamp(RANGE[0], RANGE[1]), why.to_owned()))
+        Some((light.max(pixel).clamp(RANGE[0], RANGE[1]), prior))
     }
 
     /// For every specular vertex beside a non-specular one: ε by the blur in pixels, and by the light seen from there.
@@ -180,11 +218,19 @@ impl Pilot<'_> {
     }
 
     /// The prior, moved to where squared bias and variance balance.
-    fn refined(&self, prior: f64, why: &str) -> EpsilonChoice {
+    fn refined(&self, prior_rad: f64, prior: Prior) -> EpsilonChoice {
+        let found = |epsilon, refinement| EpsilonChoice {
+            epsilon,
+            reason: EpsilonReason::Found {
+                prior,
+                prior_rad,
+                refinement,
+            },
+        };
         let columns = self.film.x1.div_ceil(REGION);
         let regions = (columns * self.film.y1.div_ceil(REGION)) as usize;
         let passes: Vec<Vec<Sums>> = (0..PASSES)
-            .map(|pass| self.pass(pass, prior, columns, regions))
+            .map(|pass| self.pass(pass, prior_rad, columns, regions))
             .collect();
         // values per pixel and pass; regions at the border are smaller, and dimmer, which does no harm
         let samples = f64::from(REGION * REGION / (STRIDE * STRIDE));
@@ -201,26 +247,20 @@ impl Pilot<'_> {
             variance += passes.iter().map(|p| p[r].squares).sum::<f64>() / (samples * n);
         }
         let count = regions as f64;
-        let scale = 4.0 / prior.powi(4);
-        let variance = variance / count * prior * prior;
+        let scale = 4.0 / prior_rad.powi(4);
+        let variance = variance / count * prior_rad * prior_rad;
         if variance == 0.0 {
-            return EpsilonChoice {
-                epsilon: prior,
-                reason: format!("{why}; nothing regularized in the pilot"),
-            };
+            return found(prior_rad, Refinement::Nothing);
         }
         let [low, high] = REFINEMENT;
-        let most = (prior * high).min(RANGE[1]).max(prior);
-        let (best, found) = if bias > RESOLVED * noise.sqrt() {
+        let most = (prior_rad * high).min(RANGE[1]).max(prior_rad);
+        let (best, refinement) = if bias > RESOLVED * noise.sqrt() {
             let best = (variance / (6.0 * scale * bias / count)).powf(1.0 / 6.0);
-            (best, format!("bias against variance {best:.4}"))
+            (best, Refinement::Balance(best))
         } else {
-            (most, "its bias is lost in noise".to_owned())
+            (most, Refinement::LostInNoise)
         };
-        EpsilonChoice {
-            epsilon: best.clamp(prior * low, most),
-            reason: format!("{why} gives {prior:.4}, {found}"),
-        }
+        found(best.clamp(prior_rad * low, most), refinement)
     }
 
     /// One pass at both cones, by region.

@@ -11,7 +11,7 @@ use crate::film::Crop;
 use crate::integrator::{Frame, PhotonTracer, Workspace, sample_pixel};
 use crate::math::hash::{combine, random_bits, unit_f64};
 use crate::scene::Settings;
-use crate::scene::settings::Sharing;
+use crate::scene::settings::{Merging, Sharing};
 use crate::spectrum::SensorResponse;
 use crate::transport::context::SharedSample;
 use crate::transport::photons::bytes_per_vertex;
@@ -20,9 +20,9 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 /// r₁ in widths of a pixel, where the camera sees something.
-const PIXELS: f64 = 2.0;
+pub const PIXELS: f64 = 2.0;
 /// r₁ as a share of the scene's radius elsewhere, as in SmallVCM.
-const SHARE: f64 = 0.003;
+pub const SHARE: f64 = 0.003;
 /// No radius is smaller than this share of the scene's radius, which positions of photons resolve.
 const LEAST_SHARE: f64 = 1e-5;
 /// Pixels whose light sub-paths one thread traces in one go.
@@ -38,7 +38,18 @@ pub struct RadiusChoice {
     /// Radius of the first pass in metres.
     pub radius: f64,
     /// How it was found.
-    pub reason: String,
+    pub reason: RadiusReason,
+}
+
+/// How r₁ was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RadiusReason {
+    /// The scene says it.
+    Given,
+    /// [`PIXELS`] at the distance of what the camera sees.
+    Pixels,
+    /// [`SHARE`] of the radius of the scene.
+    Scene,
 }
 
 /// What merging will hold in memory during a pass.
@@ -101,7 +112,7 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
     if let Some(radius) = frame.settings.merging.radius {
         return RadiusChoice {
             radius,
-            reason: "given".to_owned(),
+            reason: RadiusReason::Given,
         };
     }
     let camera = &scene.sensors[frame.sensor].camera;
@@ -137,21 +148,21 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
     match widths.get(widths.len() / 2) {
         Some(width) => RadiusChoice {
             radius: PIXELS * width,
-            reason: format!("{PIXELS} pixels at the distance of what the camera sees"),
+            reason: RadiusReason::Pixels,
         },
         None => RadiusChoice {
             radius: SHARE * scene.radius,
-            reason: format!("{SHARE} of the radius of the scene"),
+            reason: RadiusReason::Scene,
         },
     }
 }
 
-/// Radius of pass `index` = 0, 1, ...
+/// Radius of pass `index` = 0, 1, ... in metres, in a scene of the radius `scene_radius`.
 #[must_use]
-pub fn scheduled_radius(frame: &Frame, first: f64, index: u32) -> f64 {
-    let exponent = -0.5 * (1.0 - frame.settings.merging.alpha);
+pub fn scheduled_radius(merging: &Merging, scene_radius: f64, first: f64, index: u32) -> f64 {
+    let exponent = -0.5 * (1.0 - merging.alpha);
     let radius = first * (f64::from(index) + 1.0).powf(exponent);
-    radius.max(LEAST_SHARE * frame.scene.radius)
+    radius.max(LEAST_SHARE * scene_radius)
 }
 
 /// Wavelength and time of pass `index`.
@@ -184,17 +195,20 @@ pub fn shared_sample(frame: &Frame, index: u32) -> SharedSample {
 }
 
 /// Traces the light sub-paths of all pixels of the crop and stores their vertices. The order of the photons is that of the pixels,
-/// whatever the threads. `None` where there are more than fit.
-#[must_use]
+/// whatever the threads. No map where there are more than fit; nothing at all where `is_cancelled` says so between batches.
 pub fn trace_photons(
     frame: &Frame,
     pass: &PassSettings,
     crop: &Crop,
-) -> (Option<PhotonMap>, Counters) {
+    is_cancelled: impl Fn() -> bool,
+) -> Option<(Option<PhotonMap>, Counters)> {
     let (width, pixels) = (crop.width() as usize, crop.pixels() as usize);
     let batch = pixels.div_ceil(BATCHES).next_multiple_of(RUN);
     let (mut all, mut counters) = (PhotonBuffer::default(), Counters::default());
     for start in (0..pixels).step_by(batch) {
+        if is_cancelled() {
+            return None;
+        }
         let runs: Vec<(PhotonBuffer, Counters)> = (start..pixels.min(start + batch))
             .into_par_iter()
             .step_by(RUN)
@@ -219,7 +233,7 @@ pub fn trace_photons(
     }
     let radius = pass.merge_radius.unwrap_or(0.0);
     let map = PhotonMap::build(all, frame.lanes(), frame.scene.center, radius);
-    (map, counters)
+    Some((map, counters))
 }
 
 /// What the passes of a render over part of the film will hold.

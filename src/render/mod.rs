@@ -1,13 +1,17 @@
 //! Rendering: passes over tiles on all threads, stop rules, and what is kept of the contributions.
 
 pub mod bias;
+pub mod clock;
 pub mod epsilon;
 pub mod error;
 pub mod forecast;
 pub mod guides;
+pub mod memory;
 pub mod merging;
 pub mod outputs;
+pub mod pass;
 pub mod pilot;
+pub mod session;
 pub mod stop;
 pub mod table;
 
@@ -15,25 +19,30 @@ pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;
 pub use merging::{PhotonMemory, RadiusChoice, SharedWavelengths};
 pub use outputs::{OutputRequest, Outputs};
+pub use pass::{TileObserver, Tiles};
+pub use session::{Progress, Session, SessionError, SessionOptions};
+pub use stop::{Cancel, StopReason, StopRules};
 pub use table::ClassTable;
 
 use crate::film::{AddSumsError, Crop};
-use crate::integrator::{Frame, Workspace, sample_and_merge};
+use crate::integrator::Frame;
 use crate::scene::regularization::Decision;
 use crate::scene::{Scene, Settings};
 use crate::transport::photons::bytes_per_vertex;
 use crate::transport::regularize::scheduled_epsilon;
-use crate::transport::{Cone, Counters, PassSettings, PhotonMap, Target};
-use rayon::prelude::*;
+use crate::transport::{Cone, Counters, PassSettings, PhotonMap};
+use pass::{PassCounts, Watch};
+use std::sync::Arc;
 
-/// Side of a tile in pixels.
-const TILE: u32 = 16;
-
-/// The render of one sensor: passes are added one by one.
+/// The render of one sensor: its films, and the passes they hold. [`Session`] adds passes until it is time to stop.
 #[derive(Debug)]
-pub struct Render<'a> {
-    frame: Frame<'a>,
+pub struct Render {
+    scene: Arc<Scene>,
+    sensor: usize,
+    settings: Settings,
     crop: Crop,
+    request: OutputRequest,
+    regularization: Decision,
     outputs: Outputs,
     /// ε₁ of regularized renders.
     epsilon: Option<EpsilonChoice>,
@@ -49,27 +58,18 @@ pub struct Render<'a> {
     table: ClassTable,
 }
 
-/// What one thread collects during a pass.
-#[derive(Default)]
-struct Local {
-    workspace: Workspace,
-    values: Vec<f64>,
-    table: ClassTable,
-}
-
-impl<'a> Render<'a> {
-    /// Prepares the render of a sensor over part of its film.
+impl Render {
+    /// Prepares the render of a sensor over part of its film: the pilots run.
     #[must_use]
     pub fn new(
-        scene: &'a Scene,
+        scene: &Arc<Scene>,
         sensor: usize,
-        settings: &'a Settings,
+        settings: &Settings,
         crop: Crop,
         request: &OutputRequest,
     ) -> Self {
-        let mut frame = Frame::new(scene, sensor, settings, &crop, request.class_table);
-        frame.detailed |= request.strategies || !request.classes.is_empty();
         let outputs = Outputs::new(request, crop, scene.sensors[sensor].filter);
+        let frame = frame(scene, sensor, settings, &crop, request);
         let epsilon = frame
             .regularization
             .mode
@@ -79,8 +79,12 @@ impl<'a> Render<'a> {
         let radius = merges.then(|| merging::choose_radius(&frame, outputs.response));
         let roulette_threshold = pilot::roulette_threshold(&frame, cone, outputs.response);
         Self {
-            frame,
+            scene: Arc::clone(scene),
+            sensor,
+            settings: settings.clone(),
             crop,
+            request: request.clone(),
+            regularization: frame.regularization,
             outputs,
             epsilon,
             radius,
@@ -92,17 +96,48 @@ impl<'a> Render<'a> {
         }
     }
 
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// The sensor, by index.
+    #[must_use]
+    pub fn sensor(&self) -> usize {
+        self.sensor
+    }
+
+    /// The settings.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    fn frame(&self) -> Frame<'_> {
+        let Self {
+            scene,
+            settings,
+            crop,
+            request,
+            ..
+        } = self;
+        frame(scene, self.sensor, settings, crop, request)
+    }
+
     /// The settings of pass `index`.
     #[must_use]
     pub fn pass_settings(&self, index: u32) -> PassSettings {
+        self.settings_of(&self.frame(), index)
+    }
+
+    fn settings_of(&self, frame: &Frame, index: u32) -> PassSettings {
+        let merges = self.radius.is_some();
         PassSettings {
             index,
             cone: self.epsilon_of_pass(index).map(Cone::new),
             merge_radius: self.radius_of_pass(index),
-            shared: self
-                .radius
-                .as_ref()
-                .map(|_| merging::shared_sample(&self.frame, index)),
+            shared: merges.then(|| merging::shared_sample(frame, index)),
             roulette_threshold: self.roulette_threshold,
         }
     }
@@ -111,7 +146,14 @@ impl<'a> Render<'a> {
     #[must_use]
     pub fn radius_of_pass(&self, index: u32) -> Option<f64> {
         let first = self.radius.as_ref()?.radius;
-        Some(merging::scheduled_radius(&self.frame, first, index))
+        let merging = &self.settings.merging;
+        let scene_radius = self.scene.radius;
+        Some(merging::scheduled_radius(
+            merging,
+            scene_radius,
+            first,
+            index,
+        ))
     }
 
     /// r₁ and its reason, where photons are merged.
@@ -125,14 +167,14 @@ impl<'a> Render<'a> {
     pub fn photon_memory(&self) -> Option<PhotonMemory> {
         self.radius
             .is_some()
-            .then(|| merging::memory(&self.frame, &self.crop))
+            .then(|| merging::memory(&self.frame(), &self.crop))
     }
 
     /// Bytes of a stored photon, its place in the index included, where photons are merged.
     #[must_use]
     pub fn bytes_per_photon(&self) -> Option<u64> {
         self.radius.as_ref()?;
-        Some(bytes_per_vertex(self.frame.lanes()) as u64)
+        Some(bytes_per_vertex(self.frame().lanes()) as u64)
     }
 
     /// Bytes of the largest photon map so far; 0 without merging.
@@ -145,10 +187,10 @@ impl<'a> Render<'a> {
     #[must_use]
     pub fn shared_wavelengths(&self) -> Option<SharedWavelengths> {
         self.radius.as_ref()?;
-        let distribution = &self.frame.scene.wavelengths;
+        let (frame, distribution) = (self.frame(), &self.scene.wavelengths);
         let heroes = self.passes.iter().flat_map(|&index| {
-            let shared = merging::shared_sample(&self.frame, index);
-            let set = distribution.sample(shared.u_wavelength, self.frame.lanes());
+            let shared = merging::shared_sample(&frame, index);
+            let set = distribution.sample(shared.u_wavelength, frame.lanes());
             (0..shared.heroes as usize).map(move |j| set.lambda_nm(j))
         });
         Some(SharedWavelengths::new(
@@ -162,7 +204,7 @@ impl<'a> Render<'a> {
     #[must_use]
     pub fn epsilon_of_pass(&self, index: u32) -> Option<f64> {
         let first = self.epsilon.as_ref()?.epsilon;
-        let settings = &self.frame.settings.regularization;
+        let settings = &self.settings.regularization;
         let scheduled = |i| scheduled_epsilon(first, settings.epsilon_min, i);
         Some(if self.tells_bias() && index & 1 == 1 {
             scheduled(index - 1) * std::f64::consts::FRAC_1_SQRT_2
@@ -174,8 +216,8 @@ impl<'a> Render<'a> {
     /// Whether a regularized render alternates between two cones, so that its halves tell the bias.
     #[must_use]
     pub fn tells_bias(&self) -> bool {
-        let sensor = &self.frame.scene.sensors[self.frame.sensor];
-        let settings = &self.frame.settings.regularization;
+        let sensor = &self.scene.sensors[self.sensor];
+        let settings = &self.settings.regularization;
         settings
             .bias_estimate
             .unwrap_or_else(|| sensor.camera.is_hittable())
@@ -184,7 +226,7 @@ impl<'a> Render<'a> {
     /// Whether specular vertices are connectible, and why.
     #[must_use]
     pub fn regularization(&self) -> &Decision {
-        &self.frame.regularization
+        &self.regularization
     }
 
     /// ε₁ and its reason, where there is one.
@@ -207,45 +249,54 @@ impl<'a> Render<'a> {
 
     /// Adds pass `index`: one sample per pixel.
     pub fn add_pass(&mut self, index: u32) {
-        let mut pass = self.pass_settings(index);
-        let half = (index & 1) as usize;
+        self.add_watched(index, None);
+    }
+
+    fn add_watched(&mut self, index: u32, observer: Option<&TileObserver>) {
+        let watch = Watch {
+            cancel: None,
+            observer,
+        };
+        if let Some(counts) = self.trace(index, &self.outputs, &watch) {
+            self.count(index, counts);
+        }
+    }
+
+    /// Traces pass `index` into films, which need not be its own. `None` where it was cancelled: they hold part of it then.
+    fn trace(&self, index: u32, outputs: &Outputs, watch: &Watch) -> Option<PassCounts> {
+        let frame = self.frame();
+        let mut pass = self.settings_of(&frame, index);
+        let mut counts = PassCounts::default();
         let mut photons = None;
         if self.radius.is_some() {
-            let (map, counters) = merging::trace_photons(&self.frame, &pass, &self.crop);
-            self.counters.add(&counters);
-            self.photon_bytes = self
-                .photon_bytes
-                .max(map.as_ref().map_or(0, PhotonMap::bytes));
+            let cancelled = || watch.is_cancelled();
+            let (map, counters) = merging::trace_photons(&frame, &pass, &self.crop, cancelled)?;
+            counts.counters = counters;
+            counts.photon_bytes = map.as_ref().map_or(0, PhotonMap::bytes);
             if map.is_none() {
                 // too many for the index: weights must know that nothing is merged
                 pass.merge_radius = None;
             }
             photons = map;
         }
-        let (frame, outputs) = (&self.frame, &self.outputs);
-        let local = tiles(&self.crop)
-            .into_par_iter()
-            .fold(Local::default, |mut local, tile| {
-                for y in tile.y0..tile.y1 {
-                    for x in tile.x0..tile.x1 {
-                        render_pixel(
-                            (frame, &pass, photons.as_ref()),
-                            outputs,
-                            (x, y),
-                            half,
-                            &mut local,
-                        );
-                    }
-                }
-                local
-            })
-            .reduce(Local::default, |mut a, b| {
-                a.workspace.counters.add(&b.workspace.counters);
-                a.table.merge(b.table);
-                a
-            });
-        self.counters.add(&local.workspace.counters);
-        self.table.merge(local.table);
+        let (counters, table) =
+            pass::render_tiles(&frame, &pass, photons.as_ref(), outputs, watch)?;
+        counts.counters.add(&counters);
+        counts.table = table;
+        Some(counts)
+    }
+
+    /// Films as those of this render, without a pass.
+    fn empty_outputs(&self) -> Outputs {
+        let filter = self.scene.sensors[self.sensor].filter;
+        Outputs::new(&self.request, self.crop, filter)
+    }
+
+    /// Counts pass `index`, which the films hold.
+    fn count(&mut self, index: u32, counts: PassCounts) {
+        self.counters.add(&counts.counters);
+        self.table.merge(counts.table);
+        self.photon_bytes = self.photon_bytes.max(counts.photon_bytes);
         self.passes.push(index);
     }
 
@@ -276,6 +327,12 @@ impl<'a> Render<'a> {
     #[must_use]
     pub fn outputs(&self) -> &Outputs {
         &self.outputs
+    }
+
+    /// X, Y and Z of each pixel, row by row: the mean of the passes.
+    #[must_use]
+    pub fn xyz(&self) -> Vec<f64> {
+        self.outputs.image.image(self.passes.len() as u64)
     }
 
     /// The rendered part of the film.
@@ -312,53 +369,15 @@ impl<'a> Render<'a> {
     }
 }
 
-/// The tiles of a film, in reading order.
-fn tiles(crop: &Crop) -> Vec<Crop> {
-    let mut out = Vec::new();
-    for y0 in (crop.y0..crop.y1).step_by(TILE as usize) {
-        for x0 in (crop.x0..crop.x1).step_by(TILE as usize) {
-            out.push(Crop {
-                x0,
-                y0,
-                x1: (x0 + TILE).min(crop.x1),
-                y1: (y0 + TILE).min(crop.y1),
-            });
-        }
-    }
-    out
-}
-
-fn render_pixel(
-    (frame, pass, photons): (&Frame, &PassSettings, Option<&PhotonMap>),
-    outputs: &Outputs,
-    (x, y): (u32, u32),
-    half: usize,
-    local: &mut Local,
-) {
-    let Local {
-        workspace,
-        values,
-        table,
-    } = local;
-    let response = sample_and_merge(frame, pass, photons, (x, y), outputs.response, workspace);
-    // splats one by one, the pixel's own contributions as one sum
-    let mut own = [0.0; 3];
-    for contribution in &workspace.contributions {
-        let xyz = response.xyz(&contribution.lanes);
-        match contribution.target {
-            Target::OwnPixel => own.iter_mut().zip(xyz).for_each(|(sum, more)| *sum += more),
-            Target::Splat(raster) => outputs.image.add_splat(raster, half, &xyz),
-        }
-        if frame.with_raw {
-            let share = match contribution.target {
-                Target::OwnPixel => 1.0,
-                Target::Splat(raster) => outputs.image.coverage(raster),
-            };
-            if share > 0.0 {
-                table.add(contribution, share, &response);
-            }
-        }
-    }
-    outputs.image.add_pixel(x, y, half, &own);
-    outputs.add_extras(&workspace.contributions, &response, (x, y), half, values);
+/// The common part of all samples of a render.
+fn frame<'a>(
+    scene: &'a Scene,
+    sensor: usize,
+    settings: &'a Settings,
+    crop: &Crop,
+    request: &OutputRequest,
+) -> Frame<'a> {
+    let mut frame = Frame::new(scene, sensor, settings, crop, request.class_table);
+    frame.detailed |= request.strategies || !request.classes.is_empty();
+    frame
 }

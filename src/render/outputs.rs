@@ -126,6 +126,31 @@ impl Outputs {
         }
     }
 
+    /// Moves everything of other images of the same request into these, and leaves those empty.
+    pub fn take(&mut self, other: &mut Self) {
+        self.image.take(&mut other.image);
+        if let (Some((_, ours)), Some((_, theirs))) = (&mut self.spectral, &mut other.spectral) {
+            ours.take(theirs);
+        }
+        let (crop, filter) = (self.crop, self.filter);
+        if let (Some(ours), Some(theirs)) = (&mut self.strategies, &mut other.strategies) {
+            let ours = ours.get_mut().unwrap_or_else(PoisonError::into_inner);
+            let theirs = theirs.get_mut().unwrap_or_else(PoisonError::into_inner);
+            for (key, film) in theirs {
+                let empty = || Film::new(crop, filter, 3);
+                ours.entry(*key).or_insert_with(empty).take(film);
+            }
+        }
+        for ((_, ours), (_, theirs)) in self.classes.iter_mut().zip(&mut other.classes) {
+            ours.take(theirs);
+        }
+        if let (Some(ours), Some(theirs)) = (&mut self.shares, &mut other.shares) {
+            for (ours, theirs) in ours.iter_mut().zip(theirs) {
+                ours.take(theirs);
+            }
+        }
+    }
+
     fn add_strategy(
         &self,
         contribution: &Contribution,

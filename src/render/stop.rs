@@ -1,5 +1,7 @@
 //! When a render ends: after its passes, its time, or when its error is small enough. Checked between passes.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::time::Duration;
 
 /// Passes before the estimate of the error is trusted.
@@ -23,8 +25,10 @@ pub enum StopReason {
     Time,
     /// The error is small enough.
     Error,
-    /// The user interrupted it.
+    /// It was asked to stop ([`Cancel`]).
     Interrupted,
+    /// What drives it had enough.
+    Driver,
 }
 
 impl StopReason {
@@ -36,7 +40,30 @@ impl StopReason {
             Self::Time => "time used up",
             Self::Error => "target error reached",
             Self::Interrupted => "interrupted",
+            Self::Driver => "a rule of its own",
         }
+    }
+}
+
+/// A request to stop that other threads, or a signal handler, can make. It stays until it is cleared.
+#[derive(Clone, Debug, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Asks to stop. Whether that had been asked before.
+    pub fn request(&self) -> bool {
+        self.0.swap(true, SeqCst)
+    }
+
+    /// Whether to stop.
+    #[must_use]
+    pub fn is_requested(&self) -> bool {
+        self.0.load(SeqCst)
+    }
+
+    /// Takes the request back.
+    pub fn clear(&self) {
+        self.0.store(false, SeqCst);
     }
 }
 

@@ -227,6 +227,7 @@ impl Scene {
             environments,
             sensors: placed,
             wavelengths: distribution,
+            wavelength_settings: wavelengths,
             center,
             radius,
             is_moving,

@@ -1,6 +1,7 @@
 //! The immutable scene: everything the transport needs, validated when it is built.
 
 pub mod build;
+pub mod builder;
 pub mod description;
 pub mod effects;
 pub mod frozen;
@@ -10,7 +11,8 @@ pub mod regularization;
 pub mod settings;
 
 pub use build::BuildError;
-pub use description::SceneDescription;
+pub use builder::{SceneBuilder, SceneBuilderError};
+pub use description::{SceneDescription, WavelengthSettings};
 pub use settings::Settings;
 
 use crate::camera::Camera;
@@ -96,6 +98,8 @@ pub struct Scene {
     pub sensors: Vec<Sensor>,
     /// Distribution of wavelengths.
     pub wavelengths: WavelengthDistribution,
+    /// The choice that it follows from.
+    pub wavelength_settings: WavelengthSettings,
     /// Centre of the bounding sphere.
     pub center: DVec3,
     /// Radius of the bounding sphere in metres.

@@ -1,6 +1,5 @@
 //! Whether connections at specular vertices are made for a sensor, and why.
 
-use super::effects::Effect;
 use super::settings::{Regularize, Settings, SingleRule};
 use super::{Object, Scene};
 
@@ -13,74 +12,79 @@ pub enum Mode {
     Single(SingleRule),
 }
 
-/// What was decided for one sensor.
-#[derive(Clone, Debug, PartialEq)]
+/// Decision for one sensor.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Decision {
     /// `None`: specular vertices are not connectible.
     pub mode: Option<Mode>,
     /// The element or setting that decided.
-    pub reason: String,
+    pub reason: Reason,
 }
 
-impl Decision {
-    /// As an effect of the render.
-    #[must_use]
-    pub fn effect(&self) -> Effect {
-        Effect {
-            name: "regularization",
-            on: self.mode.is_some(),
-            reason: self.reason.clone(),
-        }
-    }
+/// Why a sensor is regularized or not.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// The integrator makes no connections.
+    NoConnections,
+    /// It was switched off.
+    SwitchedOff,
+    /// No surface is a mirror or smooth glass.
+    NothingSpecular,
+    /// It was asked for, by [`Mode`].
+    AskedFor,
+    /// A detector is hit by every class of light paths.
+    HittableDetector {
+        /// Its name.
+        detector: String,
+    },
+    /// Photon merging makes the same paths.
+    Merging,
+    /// The integrator does not connect two sub-paths.
+    OneSubpath,
+    /// A camera that no light path hits, in a scene with a specular surface.
+    Specular {
+        /// The first specular object, by name.
+        object: String,
+        /// The camera, by name.
+        camera: String,
+    },
 }
 
 /// Decides for a sensor.
 #[must_use]
 pub fn decide(scene: &Scene, sensor: usize, settings: &Settings) -> Decision {
-    let off = |reason: &str| Decision {
-        mode: None,
-        reason: reason.to_owned(),
+    let off = |reason| Decision { mode: None, reason };
+    let on = |mode, reason| Decision {
+        mode: Some(mode),
+        reason,
     };
     let regularization = &settings.regularization;
     if settings.integrator.only_merges() {
-        return off("the integrator makes no connections");
+        return off(Reason::NoConnections);
     }
     if regularization.mode == Regularize::Off {
-        return off("switched off");
+        return off(Reason::SwitchedOff);
     }
     let specular =
         |o: &&Object| scene.materials[o.material.0 as usize].has_specular() && o.sensor.is_none();
     let Some(object) = scene.objects.iter().find(specular) else {
-        return off("no surface is a mirror or smooth glass");
+        return off(Reason::NothingSpecular);
     };
     match regularization.mode {
-        Regularize::Single => Decision {
-            mode: Some(Mode::Single(regularization.single_rule)),
-            reason: "asked for, only where nothing else makes a path".to_owned(),
-        },
-        Regularize::Mis => Decision {
-            mode: Some(Mode::Mis),
-            reason: "asked for".to_owned(),
-        },
+        Regularize::Single => on(Mode::Single(regularization.single_rule), Reason::AskedFor),
+        Regularize::Mis => on(Mode::Mis, Reason::AskedFor),
         Regularize::Auto | Regularize::Off => {
             let sensor = &scene.sensors[sensor];
             if sensor.camera.is_hittable() {
-                off(&format!(
-                    "detector \"{}\" can be hit by every class of light paths, without bias",
-                    sensor.name
-                ))
+                let detector = sensor.name.clone();
+                off(Reason::HittableDetector { detector })
             } else if settings.integrator.merges() {
-                off("photon merging makes these paths, too; ask for mis to have both")
+                off(Reason::Merging)
             } else if !settings.integrator.connects_pairs() {
-                off("only integrators that connect two sub-paths switch it on by themselves")
+                off(Reason::OneSubpath)
             } else {
-                Decision {
-                    mode: Some(Mode::Mis),
-                    reason: format!(
-                        "object \"{}\" is a mirror or smooth glass, and no light path can hit camera \"{}\"",
-                        object.name, sensor.name
-                    ),
-                }
+                let (object, camera) = (object.name.clone(), sensor.name.clone());
+                on(Mode::Mis, Reason::Specular { object, camera })
             }
         }
     }

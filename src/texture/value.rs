@@ -104,6 +104,12 @@ impl From<Curve> for SpectrumTexture {
     }
 }
 
+impl From<f64> for SpectrumTexture {
+    fn from(value: f64) -> Self {
+        Self::Uniform(Curve::Constant(value))
+    }
+}
+
 impl SpectrumTexture {
     /// The values at texture coordinates `uv` and at the wavelengths of a path; 0 in the lanes not in use.
     #[must_use]

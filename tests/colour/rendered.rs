@@ -6,6 +6,7 @@ use abbe::render::{OutputRequest, Render};
 use abbe::scene::Scene;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 /// What a render gave, as means over the passes.
 pub struct Rendered {
@@ -36,7 +37,7 @@ pub fn render(text: &str, request: &OutputRequest) -> Rendered {
 /// Renders part of the first sensor of a scene file.
 pub fn render_crop(text: &str, crop: Option<Crop>, request: &OutputRequest) -> Rendered {
     let loaded = parse_str(text, Path::new(".")).unwrap_or_else(|e| panic!("{e}"));
-    let scene = Scene::build(loaded.description).unwrap();
+    let scene = Arc::new(Scene::build(loaded.description).unwrap());
     let crop = crop.unwrap_or(scene.sensors[0].whole_film());
     let mut render = Render::new(&scene, 0, &loaded.settings, crop, request);
     let passes = loaded.settings.spp;

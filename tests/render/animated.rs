@@ -8,9 +8,10 @@ use abbe::scene::Scene;
 use glam::{DAffine3, DQuat, DVec3, dvec3};
 use serde_json::json;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A scene of the model with the key lines `model`.
-fn model(folder: &Path, builder: &Builder, model: &str, rest: &str) -> Scene {
+fn model(folder: &Path, builder: &Builder, model: &str, rest: &str) -> Arc<Scene> {
     std::fs::write(folder.join("a.glb"), builder.glb()).expect("file");
     let text = format!("[[model]]\ngltf = \"a.glb\"\n{model}\n{rest}");
     scene_in(folder, &text).0
@@ -146,7 +147,7 @@ motion = [{turning}, {lifted}]
         assert!((x.matrix3.z_axis - y.matrix3.z_axis).length() < 2e-6);
     }
     // and in the picture
-    let picture = |scene: &Scene| {
+    let picture = |scene: &Arc<Scene>| {
         let images = line_images(scene, 0, &toml.1, 8, 8);
         let means: Vec<f64> = images.iter().map(|image| mean(&image[0])).collect();
         Estimate::from_batches(&means)

@@ -17,6 +17,7 @@ use abbe::scene::{Scene, Settings};
 use abbe::transport::Target;
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::Arc;
 
 const SCENE: &str = r#"
 [render]
@@ -52,7 +53,7 @@ fn threads<T: Send>(count: usize, run: impl FnOnce() -> T + Send) -> T {
         .install(run)
 }
 
-fn sums(scene: &Scene, settings: &Settings, crop: Crop, passes: Range<u32>) -> Vec<i128> {
+fn sums(scene: &Arc<Scene>, settings: &Settings, crop: Crop, passes: Range<u32>) -> Vec<i128> {
     let mut render = Render::new(scene, 0, settings, crop, &OutputRequest::default());
     passes.for_each(|pass| render.add_pass(pass));
     render.outputs().image.sums()

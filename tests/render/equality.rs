@@ -7,6 +7,7 @@
 use super::harness::{Estimate, Measured, measure, scene, test_scale, with};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
 use abbe::scene::{Scene, Settings};
+use std::sync::Arc;
 
 pub struct Case {
     pub name: &'static str,
@@ -65,7 +66,7 @@ fn assert_planted_error_is_seen(name: &str, reference: &Estimate, bdpt: &Measure
 }
 
 /// Gives the scene and what bdpt found.
-pub fn run(case: &Case) -> (Scene, Settings, Measured) {
+pub fn run(case: &Case) -> (Arc<Scene>, Settings, Measured) {
     let (scene, settings) = scene(case.text);
     let scale = test_scale();
     let [path, light, bdpt] = [

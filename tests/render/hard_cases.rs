@@ -8,16 +8,22 @@ use abbe::render::{OutputRequest, Render};
 use abbe::scene::Scene;
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
 use abbe::scene::settings::{Regularize, Settings};
+use std::sync::Arc;
 
 /// Renders a few passes: every value must be finite and not negative, and nothing may have been left out.
-fn sane(what: &str, scene: &Scene, settings: &Settings, passes: u32) -> f64 {
+fn sane(what: &str, scene: &Arc<Scene>, settings: &Settings, passes: u32) -> f64 {
     let (mean, mismatches) = sane_with_mismatches(what, scene, settings, passes);
     assert_eq!(mismatches, 0, "{what}");
     mean
 }
 
 /// The mean of Y, and how often a surface was met from an unexpected medium.
-fn sane_with_mismatches(what: &str, scene: &Scene, settings: &Settings, passes: u32) -> (f64, u64) {
+fn sane_with_mismatches(
+    what: &str,
+    scene: &Arc<Scene>,
+    settings: &Settings,
+    passes: u32,
+) -> (f64, u64) {
     let request = OutputRequest::default();
     let mut render = Render::new(scene, 0, settings, full_crop(scene), &request);
     (0..passes).for_each(|pass| render.add_pass(pass));

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use regex::Regex;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A mean with its standard error.
 #[derive(Clone, Copy, Debug)]
@@ -70,7 +71,7 @@ pub fn test_scale() -> u32 {
         .unwrap_or(1)
 }
 
-pub fn scene(text: &str) -> (Scene, Settings) {
+pub fn scene(text: &str) -> (Arc<Scene>, Settings) {
     scene_in(
         &Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/render"),
         text,
@@ -78,7 +79,7 @@ pub fn scene(text: &str) -> (Scene, Settings) {
 }
 
 /// A scene whose files lie in `folder`.
-pub fn scene_in(folder: &Path, text: &str) -> (Scene, Settings) {
+pub fn scene_in(folder: &Path, text: &str) -> (Arc<Scene>, Settings) {
     let mut loaded = parse_str(text, folder).unwrap_or_else(|e| panic!("{e}"));
     // what is compared with exact numbers must ask for a bias to get one
     let regularization = &mut loaded.settings.regularization;
@@ -86,7 +87,7 @@ pub fn scene_in(folder: &Path, text: &str) -> (Scene, Settings) {
         regularization.mode = Regularize::Off;
     }
     (
-        Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}")),
+        Arc::new(Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}"))),
         loaded.settings,
     )
 }
@@ -111,7 +112,7 @@ type Batch = (f64, Vec<f64>, BTreeMap<(String, u32, u32), (f64, f64)>);
 
 /// Renders `batches` independent images of `passes` passes each, in parallel.
 pub fn measure(
-    scene: &Scene,
+    scene: &Arc<Scene>,
     settings: &Settings,
     batches: u32,
     passes: u32,
@@ -159,7 +160,7 @@ pub fn measure(
 }
 
 fn one_batch(
-    scene: &Scene,
+    scene: &Arc<Scene>,
     settings: &Settings,
     batch: u32,
     passes: u32,
@@ -229,7 +230,7 @@ pub fn with(settings: &Settings, integrator: IntegratorKind) -> Settings {
 
 /// Independent images of one sensor, `[batch][line][pixel]`: the power of each of the scene's emission lines, ascending.
 pub fn line_images(
-    scene: &Scene,
+    scene: &Arc<Scene>,
     sensor: usize,
     settings: &Settings,
     batches: u32,
@@ -276,7 +277,7 @@ pub fn line_images(
 
 /// Mean over the film of the only line of [`line_images`].
 pub fn line_mean(
-    scene: &Scene,
+    scene: &Arc<Scene>,
     sensor: usize,
     settings: &Settings,
     batches: u32,

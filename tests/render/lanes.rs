@@ -14,12 +14,13 @@ use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render};
 use abbe::scene::{Scene, Settings};
 use std::path::Path;
+use std::sync::Arc;
 
 const LIMIT: f64 = 4.5;
 
 /// Images of independent seeds, with `lanes` wavelengths per path.
 fn images(
-    scene: &Scene,
+    scene: &Arc<Scene>,
     settings: &Settings,
     lanes: usize,
     batches: u32,
@@ -186,7 +187,7 @@ fn four_lanes_have_far_less_chroma_noise_than_one() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell.toml");
     let small = [("sensor.0.resolution".to_owned(), "[24, 24]".to_owned())];
     let loaded = load(&path, &small).unwrap_or_else(|e| panic!("{e}"));
-    let scene = Scene::build(loaded.description).unwrap();
+    let scene = Arc::new(Scene::build(loaded.description).unwrap());
     let [one, four] =
         [1, 4].map(|lanes| chroma_variance(&images(&scene, &loaded.settings, lanes, 8, 16)));
     // the median pixel: the few that see a caustic through the dispersive ball have one lane whatever was asked for

@@ -20,3 +20,4 @@ mod models;
 mod motion;
 mod regularized;
 mod scale;
+mod session;

@@ -13,6 +13,7 @@ use abbe::scene::settings::IntegratorKind::{self, Bdpt, Bpm, Ppm, Vcm};
 use abbe::scene::settings::{Heuristic, Regularize, Sharing};
 use abbe::scene::{Scene, Settings};
 use std::ops::Range;
+use std::sync::Arc;
 
 const LIMIT: f64 = 4.5;
 /// Share of the mean.
@@ -124,7 +125,7 @@ fn agree(what: &str, a: &Estimate, b: &Estimate, resolution: f64) {
 }
 
 fn run(
-    scene: &Scene,
+    scene: &Arc<Scene>,
     settings: &Settings,
     kind: IntegratorKind,
     passes: u32,
@@ -294,14 +295,14 @@ fn paths_between_specular_surfaces_are_merged_and_regularized_alike() {
     }
 }
 
-fn mean_y(scene: &Scene, settings: &Settings, crop: Crop, passes: u32) -> f64 {
+fn mean_y(scene: &Arc<Scene>, settings: &Settings, crop: Crop, passes: u32) -> f64 {
     let mut render = Render::new(scene, 0, settings, crop, &OutputRequest::default());
     (0..passes).for_each(|pass| render.add_pass(pass));
     let image = render.outputs().image.image(u64::from(passes));
     image.iter().skip(1).step_by(3).sum::<f64>() / crop.pixels() as f64
 }
 
-fn image(scene: &Scene, settings: &Settings, passes: u32) -> Vec<f64> {
+fn image(scene: &Arc<Scene>, settings: &Settings, passes: u32) -> Vec<f64> {
     let mut render = Render::new(
         scene,
         0,
@@ -315,7 +316,7 @@ fn image(scene: &Scene, settings: &Settings, passes: u32) -> Vec<f64> {
 
 /// Mean square error of Y relative to the reference, over seeds.
 fn square_errors(
-    scene: &Scene,
+    scene: &Arc<Scene>,
     settings: &Settings,
     (passes, seeds): (u32, u64),
     reference: &[f64],
@@ -383,7 +384,7 @@ fn channel(image: &[f64], c: usize) -> Vec<f64> {
 
 /// F-ratios after two passes, of five seeds: with merging the largest of the channels, without it each of them.
 fn bands_of_two_passes(
-    (scene, settings): (&Scene, &Settings),
+    (scene, settings): (&Arc<Scene>, &Settings),
     reference_passes: u32,
     (region, axis): ((Range<usize>, Range<usize>), Axis),
     channels: &[usize],

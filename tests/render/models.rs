@@ -9,9 +9,10 @@ use abbe::scene::{Scene, Settings};
 use abbe::spectrum::xyz::xyz_to_linear_srgb;
 use serde_json::json;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Linear sRGB of every pixel after some passes.
-fn picture(scene: &Scene, settings: &Settings, passes: u32) -> Vec<[f64; 3]> {
+fn picture(scene: &Arc<Scene>, settings: &Settings, passes: u32) -> Vec<[f64; 3]> {
     let mut render = Render::new(
         scene,
         0,
@@ -161,7 +162,7 @@ fn everything(roughness: f64) -> Vec<u8> {
     b.glb()
 }
 
-fn room(folder: &Path, roughness: f64) -> (Scene, Settings) {
+fn room(folder: &Path, roughness: f64) -> (Arc<Scene>, Settings) {
     std::fs::write(folder.join("room.glb"), everything(roughness)).expect("file");
     let text = "[render]\nmax_depth = 6\nfilter = \"box\"\npair_probability = 1\n[[model]]\ngltf = \"room.glb\"\nresolution = [16, 12]\n\
                 [[light]]\nenvironment = { radiance = 0.05 }\n";

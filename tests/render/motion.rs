@@ -11,6 +11,7 @@ use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
 use abbe::scene::settings::Regularize::Mis;
 use abbe::scene::{Scene, Settings};
 use std::f64::consts::{FRAC_PI_4, TAU};
+use std::sync::Arc;
 
 /// A closed room, seen from inside, with the shutter open for a second.
 macro_rules! room {
@@ -49,7 +50,7 @@ material = "white"
 /// agree with bdpt without cones. Light paths reach the camera through glass and over mirrors only so.
 fn agree_with_cones(
     case: &Case,
-    (scene, settings, truth): (Scene, Settings, Measured),
+    (scene, settings, truth): (Arc<Scene>, Settings, Measured),
     passes: [u32; 3],
 ) {
     for ((kind, passes), epsilon) in [Path, Light, Bdpt]

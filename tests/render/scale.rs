@@ -16,6 +16,7 @@ use abbe::render::{OutputRequest, Render};
 use abbe::scene::Scene;
 use std::fmt::Write;
 use std::path::Path;
+use std::sync::Arc;
 
 const PASSES: u32 = 4;
 
@@ -107,7 +108,10 @@ enum Sensor {
 fn render(sensor: Sensor, k: f64) -> (Vec<i128>, Vec<f64>, Vec<f64>) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let loaded = parse_str(&text(sensor, k), &folder).unwrap_or_else(|e| panic!("{e}"));
-    let (scene, settings) = (Scene::build(loaded.description).unwrap(), loaded.settings);
+    let (scene, settings) = (
+        Arc::new(Scene::build(loaded.description).unwrap()),
+        loaded.settings,
+    );
     let request = OutputRequest::default();
     let mut render = Render::new(&scene, 0, &settings, full_crop(&scene), &request);
     (0..PASSES).for_each(|pass| render.add_pass(pass));

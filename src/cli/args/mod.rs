@@ -11,13 +11,10 @@ pub use images::{BandingOptions, ColorLines, CompareOptions, MergeOptions};
 pub use overrides::Overrides;
 pub use reports::{CostGroup, CostOptions};
 pub use scene::{ConvertOptions, InfoOptions, RenderOptions};
-pub use values::Aov;
 
+use crate::io::identity::VERSION;
 use clap::{Args, Parser, Subcommand};
 use std::sync::LazyLock;
-
-/// Version of the program.
-pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version, target and profile.
 fn long_version() -> &'static str {
@@ -83,6 +80,7 @@ pub struct GlassOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::layers::Layer;
     use clap::CommandFactory;
 
     fn render(arguments: &[&str]) -> Result<Box<RenderOptions>, clap::Error> {
@@ -125,7 +123,7 @@ mod tests {
     fn layers_are_named_or_classes() {
         let options = render(&["--aov", "error,class:^LS+DE$,depth"]).unwrap();
         assert!(
-            matches!(&options.aov[..], [Aov::Error, Aov::Class(r), Aov::Depth] if r.is_match("LSSDE"))
+            matches!(&options.aov[..], [Layer::Error, Layer::Class(r), Layer::Depth] if r.is_match("LSSDE"))
         );
         assert!(render(&["--aov", "noise"]).is_err());
         assert!(render(&["--aov", "class:("]).is_err());

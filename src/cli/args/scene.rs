@@ -1,10 +1,9 @@
 //! The options of `abbe render`, `info` and `convert`.
 
 use super::overrides::{Moment, Overrides};
-use super::values::{
-    self, Aov, FilterName, HeuristicName, IntegratorName, RegularizeName, SharingName,
-};
+use super::values::{self, FilterName, HeuristicName, IntegratorName, RegularizeName, SharingName};
 use crate::film::Crop;
+use crate::io::layers::Layer;
 use clap::{Args, ValueEnum};
 use std::ops::Range;
 use std::path::PathBuf;
@@ -81,7 +80,7 @@ pub struct RenderOptions {
     pub no_preview: bool,
     /// Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo, class:REGEX (such as class:^LS+DE$), separated by commas
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::aov)]
-    pub aov: Vec<Aov>,
+    pub aov: Vec<Layer>,
     /// Also writes NAME.spectral.exr, with BINS channels over the range of wavelengths and one for each emission line
     #[arg(long, value_name = "BINS", num_args = 0..=1, default_missing_value = "47", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub spectral: Option<u16>,

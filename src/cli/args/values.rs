@@ -1,6 +1,7 @@
 //! The values that options take: names, and parsers that say what is allowed.
 
 use crate::film::Crop;
+use crate::io::layers::Layer;
 use crate::math::banding::Axis;
 use clap::ValueEnum;
 use regex::Regex;
@@ -65,29 +66,6 @@ pub enum FilterName {
     Tent,
     /// A Gaussian
     Gaussian,
-}
-
-/// One extra layer of the image.
-#[derive(Clone, Debug)]
-pub enum Aov {
-    /// Standard error of Y.
-    Error,
-    /// One image per strategy (s, t).
-    Strategies,
-    /// Distance of the first hit.
-    Depth,
-    /// Shading normal of the first hit.
-    Normal,
-    /// Reflectance of the first hit.
-    Albedo,
-    /// Contributions joined at specular vertices.
-    Regularized,
-    /// All other contributions.
-    Unbiased,
-    /// Difference of the halves of a render with `bias_estimate`, as a bias.
-    Bias,
-    /// Paths of one class.
-    Class(Regex),
 }
 
 pub(super) fn key_value(text: &str) -> Result<(String, String), String> {
@@ -216,16 +194,16 @@ pub(super) fn wavelengths(text: &str) -> Result<String, String> {
         .map_err(wrong)
 }
 
-pub(super) fn aov(text: &str) -> Result<Aov, String> {
+pub(super) fn aov(text: &str) -> Result<Layer, String> {
     Ok(match text {
-        "error" => Aov::Error,
-        "strategies" => Aov::Strategies,
-        "depth" => Aov::Depth,
-        "normal" => Aov::Normal,
-        "albedo" => Aov::Albedo,
-        "regularized" => Aov::Regularized,
-        "unbiased" => Aov::Unbiased,
-        "bias" => Aov::Bias,
+        "error" => Layer::Error,
+        "strategies" => Layer::Strategies,
+        "depth" => Layer::Depth,
+        "normal" => Layer::Normal,
+        "albedo" => Layer::Albedo,
+        "regularized" => Layer::Regularized,
+        "unbiased" => Layer::Unbiased,
+        "bias" => Layer::Bias,
         _ => {
             let expression = text
                 .strip_prefix("class:")
@@ -237,7 +215,7 @@ pub(super) fn aov(text: &str) -> Result<Aov, String> {
                     .unwrap_or("not a regular expression")
                     .to_owned()
             };
-            Aov::Class(Regex::new(expression).map_err(wrong)?)
+            Layer::Class(Regex::new(expression).map_err(wrong)?)
         }
     })
 }

@@ -3,20 +3,21 @@
 //! A finished cell is a JSON file that names its images. A cell whose file is there and was made with the same scene, settings
 //! and time is not rendered again: an interrupted report goes on where it stopped.
 
-use super::super::args::Aov;
-use super::super::image_output::{add_layers, xyz_image};
-use super::super::interrupt::Interrupt;
+use super::super::CliError;
 use super::super::load::{self, Loaded};
-use super::super::usage::Clock;
-use super::super::{CliError, args::VERSION};
 use super::matrix::Variant;
 use crate::io::atomic::write_atomic;
 use crate::io::exr::{self, Channel};
+use crate::io::identity::{VERSION, settings_hash};
+use crate::io::image;
+use crate::io::layers::{self, Layer};
 use crate::io::scene_file::document::hash_bytes;
-use crate::render::{OutputRequest, Render};
+use crate::render::{Cancel, OutputRequest, Render, Session, SessionOptions, StopReason};
 use serde::{Deserialize, Serialize};
 use std::io::Write as _;
+use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The layer that holds one sample of the standard error of Y per pixel: the scaled difference of the halves.
 pub const NOISE_CHANNEL: &str = "noise.Y";
@@ -61,7 +62,7 @@ pub struct Plan<'a> {
     /// Where files go.
     pub folder: &'a Path,
     /// Asked for between passes.
-    pub interrupt: Interrupt,
+    pub interrupt: Cancel,
 }
 
 impl Plan<'_> {
@@ -82,7 +83,12 @@ impl Plan<'_> {
         let key = format!(
             "{VERSION} {:016x} {:016x} {:?} {} {seed} {seconds:?} {} {}",
             loaded.scene.hash,
-            loaded.settings_hash(self.sensor),
+            settings_hash(
+                &loaded.scene,
+                self.sensor,
+                &loaded.settings,
+                loaded.response()
+            ),
             variant.frozen,
             variant.layers,
             rayon::current_num_threads(),
@@ -124,66 +130,56 @@ impl Plan<'_> {
         seconds: f64,
         layers: bool,
     ) -> Result<Option<(u64, Vec<Snapshot>)>, CliError> {
-        let crop = loaded.scene.sensors[self.sensor].whole_film();
-        let request = OutputRequest {
-            response: loaded.response(),
-            strategies: layers,
-            shares: layers,
-            ..OutputRequest::default()
+        let options = SessionOptions {
+            sensor: self.sensor,
+            outputs: OutputRequest {
+                response: loaded.response(),
+                strategies: layers,
+                shares: layers,
+                ..OutputRequest::default()
+            },
+            passes: Some(0..MOST_PASSES),
+            cancel: self.interrupt.clone(),
+            ..SessionOptions::default()
         };
-        let mut render = Render::new(&loaded.scene, self.sensor, &loaded.settings, crop, &request);
-        // pilots are over: a curve that began with them would seem to fall faster than it does
-        let mut clock = Clock::start();
-        let mut snapshots: Vec<Snapshot> = Vec::new();
-        for pass in 0..MOST_PASSES {
-            render.add_pass(pass);
-            if self.interrupt.is_set() {
-                return Ok(None);
+        let mut session = Session::new(Arc::clone(&loaded.scene), &loaded.settings, options)?;
+        let (mut rays, mut snapshots) = (0, Vec::new());
+        let stop = session.run_with(|session, progress| {
+            if progress.stop == Some(StopReason::Interrupted) {
+                return Ok(ControlFlow::Break(()));
             }
-            let passes = pass + 1;
-            let (cpu_seconds, wall_seconds) = clock.read();
+            rays = progress.rays;
+            let passes = progress.passes as u32;
+            // pilots do not count: a curve that began with them would seem to fall faster than it does
+            let cpu_seconds = progress.time.cpu_seconds();
             // two passes at least: the noise is told from halves; CPU time, so that others on the machine take nothing from a cell
             let used = cpu_seconds / rayon::current_num_threads() as f64;
             let last = passes == MOST_PASSES || passes >= 2 && used >= seconds;
             if last || !layers && passes >= 2 && passes.is_power_of_two() {
                 let image = format!("{stem}-{passes}.exr");
-                self.write(&image, loaded, &render, last)?;
+                self.write(&image, &session.render(), last)?;
                 snapshots.push(Snapshot {
                     image,
                     passes,
                     cpu_seconds: microseconds(cpu_seconds),
-                    wall_seconds: microseconds(wall_seconds),
+                    wall_seconds: microseconds(progress.time.wall.as_secs_f64()),
                 });
-                clock.skip_since((cpu_seconds, wall_seconds));
             }
-            if last {
-                break;
-            }
-        }
-        let counters = render.counters();
-        Ok(Some((
-            counters.closest_rays + counters.shadow_rays,
-            snapshots,
-        )))
+            Ok::<_, CliError>(if last {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            })
+        })?;
+        Ok((stop != StopReason::Interrupted).then_some((rays, snapshots)))
     }
 
     /// Writes the image: all of XYZ at the end of a cell, Y alone before, and a sample of its noise.
-    fn write(
-        &self,
-        name: &str,
-        loaded: &Loaded,
-        render: &Render,
-        whole: bool,
-    ) -> Result<(), CliError> {
-        let header = loaded.header(self.sensor, render);
-        let mut image = xyz_image(&render.outputs().image, &header);
+    fn write(&self, name: &str, render: &Render, whole: bool) -> Result<(), CliError> {
+        let mut image = image::of(render);
         // what was not kept is not added
-        add_layers(
-            &mut image,
-            &[Aov::Strategies, Aov::Regularized],
-            render,
-            &[],
-        );
+        let kept = [Layer::Strategies, Layer::Regularized];
+        layers::add(&mut image, &kept, render, &[]);
         if !whole {
             image.channels.retain(|c| c.name == "Y");
         }

@@ -1,9 +1,10 @@
 //! What a cost report compares: the scene as it is, other methods, the scene without each of its effects, other settings.
 
 use super::super::args::CostGroup;
-use super::super::load::{Loaded, integrator_name};
+use super::super::load::Loaded;
 use crate::film::Filter;
 use crate::integrator::Frame;
+use crate::io::identity::integrator_name;
 use crate::render::{EpsilonChoice, epsilon};
 use crate::scene::Settings;
 use crate::scene::effects::Effect;

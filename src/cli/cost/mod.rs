@@ -12,13 +12,14 @@ mod pictures;
 mod plot;
 mod words;
 
-use super::args::{CostGroup, CostOptions, VERSION};
-use super::interrupt::Interrupt;
+use super::args::{CostGroup, CostOptions};
+use super::interrupt;
 use super::load::{self, Loaded};
 use super::readable::duration;
 use super::stats::effects_json;
 use super::{CliError, Outcome, print, threads};
 use crate::io::atomic::{FileError, write_atomic};
+use crate::io::identity::VERSION;
 use crate::math::image_error::mean_relative_square;
 use cell::{Cell, Plan};
 use matrix::{Base, Variant};
@@ -76,7 +77,7 @@ pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
         name.into()
     });
     std::fs::create_dir_all(&folder).map_err(|e| FileError::new(&folder, e))?;
-    let interrupt = Interrupt::listen()?;
+    let interrupt = interrupt::listen()?;
     let pool = threads::pool(options.threads)?;
     let plan = Plan {
         scene: &options.scene,

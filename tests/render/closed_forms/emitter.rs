@@ -6,11 +6,12 @@ use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render};
 use abbe::scene::settings::IntegratorKind::{self, Bdpt, Light, Path};
 use abbe::scene::{Scene, Settings};
+use std::sync::Arc;
 
 const BATCHES: u32 = 32;
 
 /// Y of every pixel of a crop, in batches.
-fn pixels(scene: &Scene, settings: &Settings, crop: Crop, passes: u32) -> Vec<Estimate> {
+fn pixels(scene: &Arc<Scene>, settings: &Settings, crop: Crop, passes: u32) -> Vec<Estimate> {
     let mut values = vec![Vec::new(); crop.pixels() as usize];
     for batch in 0..BATCHES {
         let settings = Settings {

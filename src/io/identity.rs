@@ -1,0 +1,296 @@
+//! Identity of a render: what its images and parts say of how they were made, and the hash that tells whether parts belong
+//! together.
+
+use super::part::{PartHeader, PassRange};
+use super::scene_file::document::hash_bytes;
+use crate::film::Filter;
+use crate::render::{EpsilonChoice, RadiusChoice, Render};
+use crate::scene::description::WavelengthChoice;
+use crate::scene::settings::{
+    Heuristic, IntegratorKind, Merging, Regularization, Regularize, Sharing, SingleRule,
+};
+use crate::scene::{Scene, Settings, WavelengthSettings};
+use crate::spectrum::SensorResponse;
+use std::collections::BTreeMap;
+
+/// Version of the program.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Named values, in the order in which they are hashed.
+type Values = Vec<(&'static str, String)>;
+
+/// Name of an integrator.
+#[must_use]
+pub fn integrator_name(kind: IntegratorKind) -> &'static str {
+    match kind {
+        IntegratorKind::Path => "path",
+        IntegratorKind::Light => "light",
+        IntegratorKind::Bdpt => "bdpt",
+        IntegratorKind::Vcm => "vcm",
+        IntegratorKind::Bpm => "bpm",
+        IntegratorKind::Ppm => "ppm",
+    }
+}
+
+fn heuristic_name(heuristic: Heuristic) -> &'static str {
+    match heuristic {
+        Heuristic::Balance => "balance",
+        Heuristic::Power2 => "power2",
+    }
+}
+
+fn regularize_name(mode: Regularize) -> &'static str {
+    match mode {
+        Regularize::Auto => "auto",
+        Regularize::Off => "off",
+        Regularize::Single => "single",
+        Regularize::Mis => "mis",
+    }
+}
+
+fn rule_name(rule: SingleRule) -> &'static str {
+    match rule {
+        SingleRule::ShortestEdge => "shortest edge",
+        SingleRule::Camera => "camera",
+        SingleRule::Light => "light",
+    }
+}
+
+fn sharing_name(sharing: Sharing) -> &'static str {
+    match sharing {
+        Sharing::Hero => "hero",
+        Sharing::Set => "set",
+        Sharing::Stratified => "stratified",
+    }
+}
+
+fn filter_name(filter: &Filter) -> String {
+    match filter {
+        Filter::Box => "box".to_owned(),
+        Filter::Tent { radius } => format!("tent, radius {radius} pixels"),
+        Filter::Gaussian { sigma, radius } => {
+            format!("gaussian, sigma {sigma}, radius {radius} pixels")
+        }
+    }
+}
+
+fn wavelengths_name(settings: &WavelengthSettings) -> String {
+    let [low, high] = settings.range_nm;
+    match &settings.choice {
+        WavelengthChoice::Scene => format!("scene, {low}..{high} nm"),
+        WavelengthChoice::Uniform => format!("uniform, {low}..{high} nm"),
+        WavelengthChoice::Visible => format!("visible, {low}..{high} nm"),
+        WavelengthChoice::Lines(lines) => {
+            let lines: Vec<String> = lines.iter().map(f64::to_string).collect();
+            format!("lines {} nm", lines.join(", "))
+        }
+    }
+}
+
+fn unit_name(response: SensorResponse) -> &'static str {
+    match response {
+        SensorResponse::Xyz => "radiance, unit equal-energy radiance has Y = 1",
+        SensorResponse::Photometric => "photometric, 683 lm/W",
+    }
+}
+
+/// Header of the parts, and of the images, of a render.
+#[must_use]
+pub fn header(render: &Render) -> PartHeader {
+    let (scene, settings) = (render.scene(), render.settings());
+    let (sensor, response) = (render.sensor(), render.outputs().response);
+    let crop = render.crop();
+    let size = scene.sensors[sensor].camera.resolution();
+    let mut image = image_values(scene, sensor, settings, response);
+    if let Some(epsilon) = render.epsilon() {
+        image.extend(epsilon_values(
+            &settings.regularization,
+            epsilon,
+            render.tells_bias(),
+        ));
+    }
+    if let Some(radius) = render.radius() {
+        image.extend(merging_values(&settings.merging, radius));
+    }
+    let named = image
+        .into_iter()
+        .map(|(name, value)| (name.to_owned(), value));
+    PartHeader {
+        version: VERSION.to_owned(),
+        scene_hash: scene.hash,
+        settings_hash: settings_hash(scene, sensor, settings, response),
+        sensor: scene.sensors[sensor].name.clone(),
+        width: size.width,
+        height: size.height,
+        crop: [crop.x0, crop.y0, crop.x1, crop.y1],
+        channels: 3,
+        image: BTreeMap::from_iter(named),
+        passes: pass_ranges(render.passes(), settings.seed),
+    }
+}
+
+/// Attributes of every image: how it was made.
+fn image_values(
+    scene: &Scene,
+    sensor: usize,
+    settings: &Settings,
+    response: SensorResponse,
+) -> Values {
+    let max_depth = settings
+        .max_depth
+        .map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
+    vec![
+        (
+            "integrator",
+            integrator_name(settings.integrator).to_owned(),
+        ),
+        ("heuristic", heuristic_name(settings.heuristic).to_owned()),
+        (
+            "regularize",
+            regularize_name(settings.regularization.mode).to_owned(),
+        ),
+        ("lanes", settings.lanes.to_string()),
+        ("maxDepth", max_depth),
+        ("filter", filter_name(&scene.sensors[sensor].filter)),
+        ("wavelengths", wavelengths_name(&scene.wavelength_settings)),
+        ("observer", "CIE 1931 2 degree".to_owned()),
+        ("unit", unit_name(response).to_owned()),
+    ]
+}
+
+/// Attributes of a regularized image: its cones.
+fn epsilon_values(settings: &Regularization, epsilon: &EpsilonChoice, tells_bias: bool) -> Values {
+    let odd = if tells_bias {
+        ", of odd passes the one before's over sqrt 2"
+    } else {
+        ""
+    };
+    let schedule = format!(
+        "max({}, {} (pass + 1)^(-1/6)) rad{odd}",
+        settings.epsilon_min, epsilon.epsilon
+    );
+    vec![
+        ("epsilonFirst", epsilon.epsilon.to_string()),
+        ("epsilonReason", epsilon.reason.to_string()),
+        ("epsilonSchedule", schedule),
+    ]
+}
+
+/// Attributes of an image with merging: its radii.
+fn merging_values(merging: &Merging, choice: &RadiusChoice) -> Values {
+    let (radius, exponent) = (choice.radius, -0.5 * (1.0 - merging.alpha));
+    vec![
+        ("mergeRadiusFirst", format!("{radius} m")),
+        ("mergeRadiusReason", choice.reason.to_string()),
+        (
+            "mergeRadiusSchedule",
+            format!("{radius} (pass + 1)^({exponent:.6}) m"),
+        ),
+        ("sharing", sharing_name(merging.sharing).to_owned()),
+    ]
+}
+
+/// Settings that change the estimate and that no attribute of every image tells.
+fn further_values(settings: &Settings) -> Values {
+    // by name, so that a new setting cannot be forgotten; passes and seeds are counted by the header
+    let Settings {
+        integrator: _,
+        spp: _,
+        seed: _,
+        lanes: _,
+        max_depth: _,
+        heuristic: _,
+        pair_probability,
+        regularization,
+        merging,
+        show_point_lights,
+        disabled,
+    } = settings;
+    let Regularization {
+        mode: _,
+        single_rule,
+        epsilon,
+        epsilon_min,
+        bias_weight,
+        bias_estimate,
+    } = regularization;
+    let Merging {
+        radius,
+        alpha,
+        sharing,
+    } = merging;
+    let or_auto = |value: Option<String>| value.unwrap_or_else(|| "auto".to_owned());
+    let disabled: Vec<String> = disabled.iter().map(|(s, t)| format!("s{s}t{t}")).collect();
+    vec![
+        ("pairProbability", pair_probability.to_string()),
+        ("singleRule", rule_name(*single_rule).to_owned()),
+        ("epsilon", or_auto(epsilon.map(|e| e.to_string()))),
+        ("epsilonMin", epsilon_min.to_string()),
+        ("biasWeight", bias_weight.to_string()),
+        (
+            "biasEstimate",
+            or_auto(bias_estimate.map(|b| b.to_string())),
+        ),
+        ("mergeRadius", or_auto(radius.map(|r| r.to_string()))),
+        ("mergeAlpha", alpha.to_string()),
+        ("mergeSharing", sharing_name(*sharing).to_owned()),
+        ("showPointLights", show_point_lights.to_string()),
+        ("disabled", disabled.join(" ")),
+    ]
+}
+
+/// Hash of all that changes the estimate but scene, seed and passes: of the named values, so that it depends on no name in this
+/// program's code.
+#[must_use]
+pub fn settings_hash(
+    scene: &Scene,
+    sensor: usize,
+    settings: &Settings,
+    response: SensorResponse,
+) -> u64 {
+    let mut values = image_values(scene, sensor, settings, response);
+    values.extend(further_values(settings));
+    hash_bytes(lines(&values).as_bytes())
+}
+
+fn lines(values: &Values) -> String {
+    let line = |(name, value): &(&str, String)| format!("{name}={value}\n");
+    values.iter().map(line).collect()
+}
+
+/// Passes in any order as ranges, sorted and apart.
+fn pass_ranges(passes: &[u32], seed: u64) -> Vec<PassRange> {
+    let mut sorted: Vec<u64> = passes.iter().copied().map(u64::from).collect();
+    sorted.sort_unstable();
+    let mut ranges: Vec<PassRange> = Vec::new();
+    for pass in sorted {
+        match ranges.last_mut().filter(|r| r.end == pass) {
+            Some(range) => range.end += 1,
+            None => ranges.push(PassRange {
+                seed,
+                start: pass,
+                end: pass + 1,
+            }),
+        }
+    }
+    ranges
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_become_ranges() {
+        let range = |start, end| PassRange {
+            seed: 7,
+            start,
+            end,
+        };
+        assert_eq!(pass_ranges(&[], 7), []);
+        assert_eq!(
+            pass_ranges(&[5, 0, 1, 2, 6, 9], 7),
+            [range(0, 3), range(5, 7), range(9, 10)]
+        );
+    }
+}

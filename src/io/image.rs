@@ -1,0 +1,111 @@
+//! Images of a render, with what they say of how they were made: XYZ, and spectra.
+//!
+//! An XYZ image is made from the film and a part header alone, so that merged parts and whole renders give the same bytes.
+
+use super::exr::{
+    Channel, ExrImage, ImageMetadata, MetadataValue, spectral_channel_name, xyz_channels,
+};
+use super::identity;
+use super::part::{Part, PartHeader};
+use crate::film::{AddSumsError, Film, Filter};
+use crate::render::Render;
+
+/// The XYZ image of a render.
+#[must_use]
+pub fn of(render: &Render) -> ExrImage {
+    xyz_image(&render.outputs().image, &identity::header(render))
+}
+
+/// The XYZ image of a part.
+///
+/// # Errors
+/// Where the sums do not fit the header.
+pub fn of_part(part: &Part) -> Result<ExrImage, AddSumsError> {
+    let header = &part.header;
+    // nothing is splatted any more: the filter does not matter
+    let mut film = Film::new(header.crop(), Filter::Box, header.channels as usize);
+    film.add_sums(&part.sums)?;
+    Ok(xyz_image(&film, header))
+}
+
+fn xyz_image(film: &Film, header: &PartHeader) -> ExrImage {
+    ExrImage {
+        width: header.width,
+        height: header.height,
+        crop: header.crop(),
+        channels: xyz_channels(&film.image(header.pass_count())),
+        metadata: metadata(header),
+    }
+}
+
+/// Attributes of an image.
+fn metadata(header: &PartHeader) -> ImageMetadata {
+    let text = |name: &str, value: String| (name.to_owned(), MetadataValue::Text(value));
+    let one_seed = header
+        .passes
+        .iter()
+        .all(|p| p.seed == header.passes[0].seed);
+    let ranges = header.passes.iter().map(|p| {
+        let seed = if one_seed {
+            String::new()
+        } else {
+            format!("{}:", p.seed)
+        };
+        format!("{seed}{}..{}", p.start, p.end)
+    });
+    let mut seeds: Vec<String> = header.passes.iter().map(|p| p.seed.to_string()).collect();
+    seeds.dedup();
+    let mut entries = vec![
+        text("abbeVersion", header.version.clone()),
+        text("sceneHash", format!("{:016x}", header.scene_hash)),
+        text("sensor", header.sensor.clone()),
+        text("passes", ranges.collect::<Vec<_>>().join(",")),
+        text("seed", seeds.join(",")),
+    ];
+    entries.extend(
+        header
+            .image
+            .iter()
+            .map(|(name, value)| text(name, value.clone())),
+    );
+    ImageMetadata { entries }
+}
+
+/// The spectral image; `None` where none was kept. Bins hold the mean per nanometer, lines (layer `line`) their power.
+#[must_use]
+pub fn spectral_of(render: &Render) -> Option<ExrImage> {
+    let (spectral, film) = render.outputs().spectral.as_ref()?;
+    let header = identity::header(render);
+    let bins = spectral.bin_centers_nm().map(spectral_channel_name);
+    let lines = spectral
+        .lines_nm()
+        .iter()
+        .map(|nm| format!("line.{}", spectral_channel_name(*nm)));
+    let values = film.image(header.pass_count());
+    let count = film.channels();
+    let channels = bins.chain(lines).enumerate().map(|(c, name)| {
+        let values = values.iter().skip(c).step_by(count);
+        Channel {
+            name,
+            values: values.map(|&v| v as f32).collect(),
+        }
+    });
+    let mut metadata = metadata(&header);
+    // readers know a spectral image by these two; per nanometer is understood
+    for (name, value) in [
+        ("spectralLayoutVersion", "1.0"),
+        ("emissiveUnits", "W.m^-2.sr^-1"),
+    ] {
+        let value = MetadataValue::Text(value.to_owned());
+        metadata.entries.push((name.to_owned(), value));
+    }
+    // the one unit that the response has, whatever that of the XYZ image
+    metadata.entries.retain(|(name, _)| name != "unit");
+    Some(ExrImage {
+        width: header.width,
+        height: header.height,
+        crop: header.crop(),
+        channels: channels.collect(),
+        metadata,
+    })
+}

@@ -1,0 +1,138 @@
+//! Extra layers of an XYZ image: errors, strategies, classes of paths, first hits.
+
+use super::exr::{Channel, ExrImage, MetadataValue, xyz_channels};
+use crate::film::Film;
+use crate::render::Render;
+use crate::render::bias::bias_image;
+use crate::render::guides::{Guide, guides};
+use regex::Regex;
+use std::sync::PoisonError;
+
+/// An extra layer of the image.
+#[derive(Clone, Debug)]
+pub enum Layer {
+    /// Standard error of Y.
+    Error,
+    /// One image per strategy (s, t).
+    Strategies,
+    /// Distance of the first hit.
+    Depth,
+    /// Shading normal of the first hit.
+    Normal,
+    /// Reflectance of the first hit.
+    Albedo,
+    /// Contributions joined at specular vertices.
+    Regularized,
+    /// All other contributions.
+    Unbiased,
+    /// Difference of the halves of a render with `bias_estimate`, as a bias.
+    Bias,
+    /// Paths of one class.
+    Class(Regex),
+}
+
+/// Adds the extra layers asked for to an XYZ image.
+pub fn add(image: &mut ExrImage, layers: &[Layer], render: &Render, guides: &[Guide]) {
+    let passes = render.passes().len() as u64;
+    let mut classes = render.outputs().classes.iter();
+    let mut class_count = 0;
+    for layer in layers {
+        let channels = &mut image.channels;
+        match layer {
+            Layer::Error => {
+                let [even, odd] = render.pass_counts();
+                // unknown while one half has no passes
+                let errors = render.outputs().image.standard_error(1, even, odd);
+                let errors =
+                    errors.unwrap_or_else(|| vec![f64::INFINITY; render.crop().pixels() as usize]);
+                channels.push(channel("error.Y", errors.iter().copied()));
+            }
+            Layer::Strategies => {
+                let Some(films) = &render.outputs().strategies else {
+                    continue;
+                };
+                // a poisoned lock means that a render thread has panicked, and so has this one
+                for ((s, t, merged), film) in
+                    films.read().unwrap_or_else(PoisonError::into_inner).iter()
+                {
+                    let mark = if *merged { "merged" } else { "" };
+                    channels.extend(layer_channels(&format!("s{s}t{t}{mark}"), film, passes));
+                }
+            }
+            Layer::Unbiased | Layer::Regularized => {
+                let Some([unbiased, regularized]) = &render.outputs().shares else {
+                    continue;
+                };
+                channels.extend(if matches!(layer, Layer::Unbiased) {
+                    layer_channels("unbiased", unbiased, passes)
+                } else {
+                    layer_channels("regularized", regularized, passes)
+                });
+            }
+            Layer::Bias => {
+                let [even, odd] = render.pass_counts();
+                // unknown while one half has no passes
+                let bias = bias_image(&render.outputs().image, even, odd)
+                    .unwrap_or_else(|| vec![f64::INFINITY; render.crop().pixels() as usize]);
+                channels.push(channel("bias.Y", bias.iter().copied()));
+            }
+            Layer::Depth => channels.push(channel("depth.Z", guides.iter().map(|g| g.depth))),
+            Layer::Normal => {
+                for (i, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
+                    channels.push(channel(
+                        &format!("normal.{axis}"),
+                        guides.iter().map(|g| g.normal[i]),
+                    ));
+                }
+            }
+            Layer::Albedo => {
+                for (i, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
+                    channels.push(channel(
+                        &format!("albedo.{axis}"),
+                        guides.iter().map(|g| g.albedo[i]),
+                    ));
+                }
+            }
+            Layer::Class(_) => {
+                let Some((regex, film)) = classes.next() else {
+                    continue;
+                };
+                let name = format!("class{class_count}");
+                class_count += 1;
+                channels.extend(layer_channels(&name, film, passes));
+                image
+                    .metadata
+                    .entries
+                    .push((name, MetadataValue::Text(regex.to_string())));
+            }
+        }
+    }
+}
+
+/// First hits, where a layer needs them.
+#[must_use]
+pub fn guides_for(layers: &[Layer], render: &Render) -> Vec<Guide> {
+    let needed = layers
+        .iter()
+        .any(|a| matches!(a, Layer::Depth | Layer::Normal | Layer::Albedo));
+    if needed {
+        guides(render.scene(), render.sensor(), &render.crop())
+    } else {
+        Vec::new()
+    }
+}
+
+fn channel(name: &str, values: impl Iterator<Item = f64>) -> Channel {
+    Channel {
+        name: name.to_owned(),
+        values: values.map(|v| v as f32).collect(),
+    }
+}
+
+fn layer_channels(layer: &str, film: &Film, passes: u64) -> Vec<Channel> {
+    let mut channels = xyz_channels(&film.image(passes));
+    for channel in &mut channels {
+        channel.name = format!("{layer}.{}", channel.name);
+    }
+    channels
+}

@@ -1,0 +1,336 @@
+//! A render session: the loop over passes. It knows which pass is next, when to stop, when to save, and what is known of the error.
+//!
+//! Invariant: outside of [`Session::step`] the films hold whole passes only. In a live session they do at any time: a pass is
+//! traced into films of its own, which are added when it is complete and dropped when it is cancelled.
+
+use super::clock::PassTime;
+use super::forecast::{ErrorHistory, Forecast};
+use super::pass::{TileObserver, Tiles, Watch};
+use super::{Cancel, OutputRequest, Outputs, Render, StopReason, StopRules};
+use crate::film::{AddSumsError, Crop};
+use crate::scene::{Scene, Settings};
+use std::cell::LazyCell;
+use std::collections::BTreeSet;
+use std::ops::{ControlFlow, Range};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
+use std::time::{Duration, Instant};
+
+/// One past the last pass of a render that no number of passes limits.
+pub const NO_LIMIT: u32 = u32::MAX - 1;
+
+/// Choices of a session.
+#[derive(Clone, Debug, Default)]
+pub struct SessionOptions {
+    /// The sensor, by index.
+    pub sensor: usize,
+    /// The rendered part of the film; `None`: all of it.
+    pub crop: Option<Crop>,
+    /// Films to keep.
+    pub outputs: OutputRequest,
+    /// Global indices of the passes; `None`: as many as the settings say. See [`NO_LIMIT`].
+    pub passes: Option<Range<u32>>,
+    /// Ends besides the last pass.
+    pub stop: StopRules,
+    /// Ends the session from outside: between passes, or in a live session between tiles.
+    pub cancel: Cancel,
+    /// Readers never wait for a pass, and a cancelled one leaves no trace: each is traced into films of its own, which takes the
+    /// memory of the films twice.
+    pub live: bool,
+    /// [`Progress::save_is_due`] comes up so that no more than this much time is lost; `None`: never.
+    pub save_interval: Option<Duration>,
+}
+
+/// Why a session cannot begin.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SessionError {
+    /// No such sensor.
+    #[error("sensor {index} does not exist: the scene has {count}")]
+    Sensor {
+        /// Asked for.
+        index: usize,
+        /// Sensors of the scene.
+        count: usize,
+    },
+    /// A part of the film that is empty or not on it.
+    #[error("a crop of columns {}..{} and rows {}..{} is not on a film of {width} x {height} pixels", .crop.x0, .crop.x1, .crop.y0, .crop.y1)]
+    Crop {
+        /// Asked for.
+        crop: Crop,
+        /// Columns of the film.
+        width: u32,
+        /// Rows of the film.
+        height: u32,
+    },
+}
+
+/// State of a session after a pass.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// The pass that was added; `None` where there was none left or it was cancelled.
+    pub pass: Option<u32>,
+    /// Passes that the session has added.
+    pub added: u64,
+    /// Passes in the films, restored ones included.
+    pub passes: u64,
+    /// Rays of both kinds.
+    pub rays: u64,
+    /// Wall time since the session began.
+    pub elapsed: Duration,
+    /// Time spent on passes alone: no pilots, nothing that happens between steps.
+    pub time: PassTime,
+    /// Time to write what there is.
+    pub save_is_due: bool,
+    /// It is over, and why.
+    pub stop: Option<StopReason>,
+}
+
+/// Read access to a render from other threads, while it goes on.
+#[derive(Clone, Debug)]
+pub struct View(Arc<RwLock<Render>>);
+
+impl View {
+    /// The render, at a number of whole passes. Waits for the end of a pass unless the session is live. The session cannot go on
+    /// while it is held.
+    pub fn read(&self) -> RwLockReadGuard<'_, Render> {
+        // a poisoned lock means that a render thread has panicked; the sums stay consistent
+        self.0.read().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The render of one sensor, pass by pass, until it is time to stop.
+pub struct Session {
+    view: View,
+    /// Films of the pass in flight of a live session.
+    staging: Option<Outputs>,
+    passes: Range<u32>,
+    restored: BTreeSet<u32>,
+    stop: StopRules,
+    cancel: Cancel,
+    observer: Option<Box<TileObserver>>,
+    history: ErrorHistory,
+    save_interval: Option<Duration>,
+    added: u64,
+    began: Instant,
+    saved: Instant,
+    save_was_due: bool,
+    time: PassTime,
+}
+
+impl Session {
+    /// Begins a session: the pilots run.
+    ///
+    /// # Errors
+    /// Where the scene has no such sensor, or its film no such part.
+    pub fn new(
+        scene: impl Into<Arc<Scene>>,
+        settings: &Settings,
+        options: SessionOptions,
+    ) -> Result<Self, SessionError> {
+        let (scene, began) = (scene.into(), Instant::now());
+        let count = scene.sensors.len();
+        let index = options.sensor;
+        let sensor = scene.sensors.get(index);
+        let sensor = sensor.ok_or(SessionError::Sensor { index, count })?;
+        let whole = sensor.whole_film();
+        let crop = options.crop.unwrap_or(whole);
+        let is_on_film = crop.x0 < crop.x1 && crop.y0 < crop.y1;
+        if !is_on_film || crop.x1 > whole.x1 || crop.y1 > whole.y1 {
+            let (width, height) = (whole.x1, whole.y1);
+            return Err(SessionError::Crop {
+                crop,
+                width,
+                height,
+            });
+        }
+        let render = Render::new(&scene, index, settings, crop, &options.outputs);
+        Ok(Self {
+            staging: options.live.then(|| render.empty_outputs()),
+            view: View(Arc::new(RwLock::new(render))),
+            passes: options.passes.unwrap_or(0..settings.spp),
+            restored: BTreeSet::new(),
+            stop: options.stop,
+            cancel: options.cancel,
+            observer: None,
+            history: ErrorHistory::default(),
+            save_interval: options.save_interval,
+            added: 0,
+            began,
+            saved: Instant::now(),
+            save_was_due: false,
+            time: PassTime::default(),
+        })
+    }
+
+    /// The render so far.
+    pub fn render(&self) -> RwLockReadGuard<'_, Render> {
+        self.view.read()
+    }
+
+    /// Access for other threads.
+    #[must_use]
+    pub fn view(&self) -> View {
+        self.view.clone()
+    }
+
+    /// From now on `observer` is told of each tile, by the thread that has finished it.
+    pub fn observe(&mut self, observer: impl Fn(Tiles) + Send + Sync + 'static) {
+        self.observer = Some(Box::new(observer));
+    }
+
+    /// Adds the image sums of passes that were done before; they will not be done again.
+    ///
+    /// # Errors
+    /// Where the sums are of another film or overflow.
+    pub fn restore(&mut self, passes: &[u32], sums: &[i128]) -> Result<(), AddSumsError> {
+        self.change(|render| render.restore(passes, sums))?;
+        self.restored.extend(passes);
+        self.skip_restored();
+        Ok(())
+    }
+
+    /// Number of passes that are left, if nothing ends the session before.
+    #[must_use]
+    pub fn passes_left(&self) -> u64 {
+        let all = u64::from(self.passes.end.saturating_sub(self.passes.start));
+        all - self.restored.range(self.passes.clone()).count() as u64
+    }
+
+    /// Adds the next pass, if there is one, and says how things stand.
+    pub fn step(&mut self) -> Progress {
+        if std::mem::take(&mut self.save_was_due) {
+            self.saved = Instant::now();
+        }
+        if self.passes.is_empty() {
+            return self.progress(None, false, Some(StopReason::Passes));
+        }
+        let (pass, start) = (self.passes.start, Instant::now());
+        let mut time = self.time;
+        let is_added = time.measure(|| self.add(pass));
+        self.time = time;
+        if !is_added {
+            return self.progress(None, false, Some(StopReason::Interrupted));
+        }
+        self.passes.start += 1;
+        self.added += 1;
+        self.skip_restored();
+        let stop = self.reason_to_stop();
+        let would_lose = self.saved.elapsed() + start.elapsed();
+        let is_late = self.save_interval.is_some_and(|most| would_lose >= most);
+        self.save_was_due = is_late && stop.is_none();
+        self.progress(Some(pass), self.save_was_due, stop)
+    }
+
+    /// Adds passes until it is time to stop.
+    pub fn run(&mut self) -> StopReason {
+        loop {
+            if let Some(reason) = self.step().stop {
+                return reason;
+            }
+        }
+    }
+
+    /// Adds passes until it is time to stop or `after_pass`, which is called after each, breaks.
+    ///
+    /// # Errors
+    /// The first of `after_pass`.
+    pub fn run_with<E>(
+        &mut self,
+        mut after_pass: impl FnMut(&Self, &Progress) -> Result<ControlFlow<()>, E>,
+    ) -> Result<StopReason, E> {
+        loop {
+            let progress = self.step();
+            let goes_on = progress.pass.is_none() || after_pass(self, &progress)?.is_continue();
+            match progress.stop {
+                Some(reason) => return Ok(reason),
+                None if !goes_on => return Ok(StopReason::Driver),
+                None => {}
+            }
+        }
+    }
+
+    /// A smaller error and the passes and time it takes in all: `target` where the error is above it, else half the error.
+    /// `None` while the error is unknown, or without a pass of this session.
+    #[must_use]
+    pub fn forecast(&self, target: Option<f64>) -> Option<(f64, Forecast)> {
+        let render = self.render();
+        let error = render.error().filter(|_| self.added > 0)?;
+        let target = target.filter(|&t| t < error.relative);
+        let target = target.unwrap_or(0.5 * error.relative);
+        let per_pass = self.time.wall.div_f64(self.added as f64);
+        let passes = render.passes().len() as u64;
+        let forecast = self.history.forecast(passes, &error, per_pass, target);
+        Some((target, forecast))
+    }
+
+    /// Wall time since the session began.
+    #[must_use]
+    pub fn elapsed(&self) -> Duration {
+        self.began.elapsed()
+    }
+
+    /// Keeps the error where it belongs to the history, and tells whether the pass just added is the last one.
+    fn reason_to_stop(&mut self) -> Option<StopReason> {
+        let render = self.view.read();
+        let passes = render.passes().len();
+        let error = LazyCell::new(|| render.error().map(|e| e.relative));
+        self.history.after_pass(passes as u64, || *error);
+        if self.passes.is_empty() {
+            // a request to stop during the last pass changes nothing
+            Some(StopReason::Passes)
+        } else if self.cancel.is_requested() {
+            Some(StopReason::Interrupted)
+        } else {
+            self.stop.check(passes, self.began.elapsed(), || *error)
+        }
+    }
+
+    fn change<T>(&mut self, change: impl FnOnce(&mut Render) -> T) -> T {
+        let lock = &self.view.0;
+        change(&mut lock.write().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn skip_restored(&mut self) {
+        while !self.passes.is_empty() && self.restored.contains(&self.passes.start) {
+            self.passes.start += 1;
+        }
+    }
+
+    /// Whether the pass was added: not if it was cancelled.
+    fn add(&mut self, pass: u32) -> bool {
+        let observer = self.observer.as_deref();
+        let Some(staging) = &mut self.staging else {
+            let mut render = self.view.0.write().unwrap_or_else(PoisonError::into_inner);
+            render.add_watched(pass, observer);
+            return true;
+        };
+        let watch = Watch {
+            cancel: Some(&self.cancel),
+            observer,
+        };
+        let render = self.view.read();
+        let Some(counts) = render.trace(pass, staging, &watch) else {
+            *staging = render.empty_outputs();
+            return false;
+        };
+        drop(render);
+        let mut render = self.view.0.write().unwrap_or_else(PoisonError::into_inner);
+        render.outputs.take(staging);
+        render.count(pass, counts);
+        true
+    }
+
+    fn progress(&self, pass: Option<u32>, save_is_due: bool, stop: Option<StopReason>) -> Progress {
+        let render = self.render();
+        let counters = render.counters();
+        Progress {
+            pass,
+            added: self.added,
+            passes: render.passes().len() as u64,
+            rays: counters.closest_rays + counters.shadow_rays,
+            elapsed: self.began.elapsed(),
+            time: self.time,
+            save_is_due,
+            stop,
+        }
+    }
+}
