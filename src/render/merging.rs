@@ -8,7 +8,7 @@
 
 use super::pilot::{PASS, SAMPLES, lattice};
 use crate::film::Crop;
-use crate::integrator::{Frame, PhotonTracer, Workspace, sample_pixel};
+use crate::integrator::{PhotonTracer, SensorJob, Workspace, sample_pixel};
 use crate::math::hash::{combine, random_bits, unit_f64};
 use crate::scene::Settings;
 use crate::scene::settings::Sharing;
@@ -96,7 +96,7 @@ impl SharedWavelengths {
 
 /// Chooses r₁ for a sensor.
 #[must_use]
-pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
+pub fn choose_radius(frame: &SensorJob, response: SensorResponse) -> RadiusChoice {
     let scene = frame.scene;
     if let Some(radius) = frame.settings.merging.radius {
         return RadiusChoice {
@@ -112,7 +112,7 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
             ..frame.settings.clone()
         };
         let whole = scene.sensors[frame.sensor].whole_film();
-        let pilot = Frame::new(scene, frame.sensor, &settings, &whole, false);
+        let pilot = SensorJob::new(scene, frame.sensor, &settings, &whole, false);
         let pass = PassSettings {
             index: PASS,
             ..PassSettings::default()
@@ -148,7 +148,7 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
 
 /// Radius of pass `index` = 0, 1, ...
 #[must_use]
-pub fn scheduled_radius(frame: &Frame, first: f64, index: u32) -> f64 {
+pub fn scheduled_radius(frame: &SensorJob, first: f64, index: u32) -> f64 {
     let exponent = -0.5 * (1.0 - frame.settings.merging.alpha);
     let radius = first * (f64::from(index) + 1.0).powf(exponent);
     radius.max(LEAST_SHARE * frame.scene.radius)
@@ -156,7 +156,7 @@ pub fn scheduled_radius(frame: &Frame, first: f64, index: u32) -> f64 {
 
 /// Wavelength and time of pass `index`.
 #[must_use]
-pub fn shared_sample(frame: &Frame, index: u32) -> SharedSample {
+pub fn shared_sample(frame: &SensorJob, index: u32) -> SharedSample {
     let key = combine(
         combine(frame.settings.seed, 0x5348_4152),
         frame.sensor as u64,
@@ -187,7 +187,7 @@ pub fn shared_sample(frame: &Frame, index: u32) -> SharedSample {
 /// whatever the threads. `None` where there are more than fit.
 #[must_use]
 pub fn trace_photons(
-    frame: &Frame,
+    frame: &SensorJob,
     pass: &PassSettings,
     crop: &Crop,
 ) -> (Option<PhotonMap>, Counters) {
@@ -224,7 +224,7 @@ pub fn trace_photons(
 
 /// What the passes of a render over part of the film will hold.
 #[must_use]
-pub fn memory(frame: &Frame, crop: &Crop) -> PhotonMemory {
+pub fn memory(frame: &SensorJob, crop: &Crop) -> PhotonMemory {
     let (mut tracer, mut buffer) = (PhotonTracer::default(), PhotonBuffer::default());
     for index in PASS - (PILOT_PASSES - 1)..=PASS {
         let pass = PassSettings {

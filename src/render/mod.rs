@@ -18,7 +18,7 @@ pub use outputs::{OutputRequest, Outputs};
 pub use table::ClassTable;
 
 use crate::film::{AddSumsError, Crop};
-use crate::integrator::{Frame, Workspace, sample_and_merge};
+use crate::integrator::{SensorJob, Workspace, sample_and_merge};
 use crate::scene::regularization::Decision;
 use crate::scene::{Scene, Settings};
 use crate::transport::photons::bytes_per_vertex;
@@ -32,7 +32,7 @@ const TILE: u32 = 16;
 /// The render of one sensor: passes are added one by one.
 #[derive(Debug)]
 pub struct Render<'a> {
-    frame: Frame<'a>,
+    frame: SensorJob<'a>,
     crop: Crop,
     outputs: Outputs,
     /// ε₁ of regularized renders.
@@ -67,7 +67,7 @@ impl<'a> Render<'a> {
         crop: Crop,
         request: &OutputRequest,
     ) -> Self {
-        let mut frame = Frame::new(scene, sensor, settings, &crop, request.class_table);
+        let mut frame = SensorJob::new(scene, sensor, settings, &crop, request.class_table);
         frame.detailed |= request.strategies || !request.classes.is_empty();
         let outputs = Outputs::new(request, crop, scene.sensors[sensor].filter);
         let epsilon = frame
@@ -329,7 +329,7 @@ fn tiles(crop: &Crop) -> Vec<Crop> {
 }
 
 fn render_pixel(
-    (frame, pass, photons): (&Frame, &PassSettings, Option<&PhotonMap>),
+    (frame, pass, photons): (&SensorJob, &PassSettings, Option<&PhotonMap>),
     outputs: &Outputs,
     (x, y): (u32, u32),
     half: usize,
