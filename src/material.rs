@@ -1,4 +1,5 @@
-//! Materials: parameters over a surface, turned into lobes at a point and at the wavelengths of a path.
+//! Materials: parameters over a surface, turned into lobes at a point and at the wavelengths of a
+//! path.
 
 use crate::bsdf::coated::{Coat, CoatedDiffuse};
 use crate::bsdf::conductor::{Conductor, Metal, Mirror};
@@ -14,19 +15,20 @@ use crate::texture::{Image, ImageTexture, ScalarTexture, SpectrumTexture};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
 
-/// GGX roughness below which a lobe is built as smooth: the peak's density would outgrow what connections can use.
+/// GGX roughness below which a lobe is built as smooth: the peak's density would outgrow what
+/// connections can use.
 pub const SMOOTH_ALPHA: f64 = 1e-3;
 
-/// Relative difference of indices below which a rough dielectric interface is built as smooth: refraction is then
-/// undone to within rounding, and there is no half vector to speak of.
+/// Relative difference of indices below which a rough dielectric interface is built as smooth:
+/// refraction is then undone to within rounding, and there is no half vector to speak of.
 const MATCHED: f64 = 1e-6;
 
 /// Index of a material in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct MaterialId(pub u32);
 
-/// Share of its weight with which the layer of a coat is drawn: it reflects a few percent, and is drawn not much more
-/// often.
+/// Share of its weight with which the layer of a coat is drawn: it reflects a few percent, and is
+/// drawn not much more often.
 const COAT_SHARE: f64 = 0.25;
 
 /// One lobe's parameters.
@@ -51,14 +53,16 @@ pub enum LobeSpec {
         /// Factor on the reflectance.
         tint: SpectrumTexture,
     },
-    /// Metal known by its color only: index 1 + i k with the k that gives this reflectance at normal incidence.
+    /// Metal known by its color only: index 1 + i k with the k that gives this reflectance at
+    /// normal incidence.
     ColoredMetal {
         /// Reflectance at normal incidence in [0, 1].
         color: SpectrumTexture,
         /// GGX roughness along the two tangents, 0..1.
         alpha: [ScalarTexture; 2],
     },
-    /// Interface between the two media of the surface. `alpha` of 0 is smooth; below 1e-3 it is built as smooth.
+    /// Interface between the two media of the surface. `alpha` of 0 is smooth; below 1e-3 it is
+    /// built as smooth.
     Dielectric {
         /// GGX roughness along the two tangents, 0..1.
         alpha: [ScalarTexture; 2],
@@ -67,8 +71,8 @@ pub enum LobeSpec {
         /// Factor on transmission.
         transmit_tint: SpectrumTexture,
     },
-    /// Thin glass sheet (window, soap bubble wall) of index `ior` against the medium around it: incoherent sum of inner
-    /// reflections, straight transmission, no change of medium.
+    /// Thin glass sheet (window, soap bubble wall) of index `ior` against the medium around it:
+    /// incoherent sum of inner reflections, straight transmission, no change of medium.
     Thin {
         /// Index of the sheet.
         ior: Ior,
@@ -84,8 +88,8 @@ pub enum LobeSpec {
         /// Strength of the layer's reflection, 0..1.
         strength: ScalarTexture,
     },
-    /// The reflection by a dielectric layer alone. With `CoatedDiffuse` of the same layer at the same weight it does
-    /// not count towards the sum of the weights.
+    /// The reflection by a dielectric layer alone. With `CoatedDiffuse` of the same layer at the
+    /// same weight it does not count towards the sum of the weights.
     Coat {
         /// Index relative to what is around.
         index: f64,
@@ -96,8 +100,8 @@ pub enum LobeSpec {
     },
 }
 
-/// The micro-normals of a rough lobe, `None` for a smooth one. A roughness from an image is never smooth: whether a lobe
-/// is specular is a property of the material, not of the texel.
+/// The micro-normals of a rough lobe, `None` for a smooth one. A roughness from an image is never
+/// smooth: whether a lobe is specular is a property of the material, not of the texel.
 fn roughness(alpha: &[ScalarTexture; 2], uv: DVec2) -> Option<Ggx> {
     if is_smooth(alpha) {
         return None;
@@ -255,7 +259,8 @@ impl LobeSpec {
     }
 }
 
-/// Normals from an image: red, green, blue are x, y, z of -1..1 along the directions of growing u and v and the normal.
+/// Normals from an image: red, green, blue are x, y, z of -1..1 along the directions of growing u
+/// and v and the normal.
 #[derive(Clone, Debug)]
 pub struct NormalMap {
     /// The image, linear.
@@ -265,8 +270,9 @@ pub struct NormalMap {
 }
 
 impl NormalMap {
-    /// The shading normal at `point`, whose derivatives by its texture coordinates are `tangents`: on the side of the
-    /// geometric normal. Where the map leaves that side, or there are no tangents, the normal stays as it is.
+    /// The shading normal at `point`, whose derivatives by its texture coordinates are `tangents`:
+    /// on the side of the geometric normal. Where the map leaves that side, or there are no
+    /// tangents, the normal stays as it is.
     #[must_use]
     pub fn normal(&self, point: &SurfacePoint, tangents: Option<[DVec3; 2]>) -> DVec3 {
         let Some([du, dv]) = tangents else {
@@ -291,7 +297,8 @@ impl NormalMap {
     }
 }
 
-/// Which share of a surface is there: what is not lets light pass straight, as transmittance of the segment.
+/// Which share of a surface is there: what is not lets light pass straight, as transmittance of the
+/// segment.
 #[derive(Clone, Debug)]
 pub struct Coverage {
     /// Coverage, 0..1.
@@ -314,14 +321,16 @@ impl Coverage {
 
 /// A mixture of weighted lobes (at most 4; no lobe: black).
 ///
-/// A thin sheet and a dielectric interface do not mix: their exact transmissions have one label and two directions.
+/// A thin sheet and a dielectric interface do not mix: their exact transmissions have one label and
+/// two directions.
 #[derive(Clone, Debug, Default)]
 pub struct Material {
     /// (weight in 0..1, lobe); the weights' sum is at most 1.
     pub lobes: Vec<(ScalarTexture, LobeSpec)>,
     /// Bends the shading normal.
     pub normal: Option<NormalMap>,
-    /// Where the surface is there; `None`: everywhere. Only for surfaces that separate no media and emit nothing.
+    /// Where the surface is there; `None`: everywhere. Only for surfaces that separate no media and
+    /// emit nothing.
     pub coverage: Option<Coverage>,
 }
 
@@ -392,8 +401,8 @@ impl Material {
         out.extend(lobes);
     }
 
-    /// Whether light crosses the surface without any vertex when the media on both sides are the same: a pure dielectric
-    /// interface of full weight.
+    /// Whether light crosses the surface without any vertex when the media on both sides are the
+    /// same: a pure dielectric interface of full weight.
     #[must_use]
     pub fn is_clear_interface(&self) -> bool {
         match self.lobes.as_slice() {
@@ -404,8 +413,8 @@ impl Material {
         }
     }
 
-    /// Whether any lobe is specular (smooth) by its roughness. A rough interface between media of the same index is
-    /// also built as smooth, which only its [`Lobe`] tells.
+    /// Whether any lobe is specular (smooth) by its roughness. A rough interface between media of
+    /// the same index is also built as smooth, which only its [`Lobe`] tells.
     #[must_use]
     pub fn has_specular(&self) -> bool {
         self.lobes

@@ -1,8 +1,10 @@
-//! Diffuse reflection under a smooth dielectric layer, without the reflection by the layer itself (another lobe).
+//! Diffuse reflection under a smooth dielectric layer, without the reflection by the layer itself
+//! (another lobe).
 //!
-//! g = ρ/(π η²) T(ω⁻) T(ω⁺) / (1 - R̄) with T = 1 - R of the layer and R̄ the mean of R over the hemisphere: symmetric,
-//! and under a layer of full strength a white base and the layer reflect together exactly what arrives (the coupling of
-//! Ashikhmin and Shirley 2000, with the exact Fresnel reflectance in place of Schlick's).
+//! g = ρ/(π η²) T(ω⁻) T(ω⁺) / (1 - R̄) with T = 1 - R of the layer and R̄ the mean of R over the
+//! hemisphere: symmetric, and under a layer of full strength a white base and the layer reflect
+//! together exactly what arrives (the coupling of Ashikhmin and Shirley 2000, with the exact
+//! Fresnel reflectance in place of Schlick's).
 
 use super::{BsdfEval, Interface, cosine_on_side, fresnel};
 use crate::math::sampling::cosine_hemisphere_pdf;
@@ -25,7 +27,8 @@ impl Coat {
     /// A layer of relative `index` (> 0) whose reflectance is multiplied by `strength` in 0..1.
     #[must_use]
     pub fn new(index: f64, strength: f64) -> Self {
-        // midpoints in cos²: ∫ R 2 cos dcos; the square root at grazing angles costs 1e-4 at this many
+        // midpoints in cos²: ∫ R 2 cos dcos; the square root at grazing angles costs 1e-4 at this
+        // many
         const STEPS: u32 = 512;
         let at = |i: u32| {
             fresnel::dielectric(((f64::from(i) + 0.5) / f64::from(STEPS)).sqrt(), 1.0, index)
@@ -44,7 +47,7 @@ impl Coat {
         Self { strength, ..self }
     }
 
-    /// What passes the layer at cosine `cos`.
+    /// Transmittance of the layer at cosine `cos`.
     fn transmittance(&self, cos: f64) -> f64 {
         1.0 - self.strength * fresnel::dielectric(cos, 1.0, self.index)
     }
@@ -79,7 +82,7 @@ impl CoatedDiffuse {
         Some(eval)
     }
 
-    /// What is reflected of light at normal incidence.
+    /// Reflectance at normal incidence.
     pub(super) fn albedo(&self) -> SampledSpectrum {
         self.reflectance * self.coat.transmittance(1.0) as f32
     }

@@ -80,8 +80,8 @@ impl Conductor {
         Some(eval)
     }
 
-    /// A direction for `given` above the surface. `None` when the facet sends it below: elsewhere in a mixture that
-    /// direction would be taken for a transmission.
+    /// A direction for `given` above the surface. `None` when the facet sends it below: elsewhere
+    /// in a mixture that direction would be taken for a transmission.
     pub(super) fn generate(&self, given: DVec3, u: [f64; 2]) -> Option<DVec3> {
         let m = self.ggx.sample_visible(given, u);
         let w = 2.0 * given.dot(m) * m - given;

@@ -1,7 +1,7 @@
 //! Smooth interface between two dielectrics.
 //!
-//! Reflection or transmission is chosen by the Fresnel reflectance averaged over the lanes: the choice does not depend
-//! on which of them is the hero, only the refracted direction does.
+//! Reflection or transmission is chosen by the Fresnel reflectance averaged over the lanes: the
+//! choice does not depend on which of them is the hero, only the refracted direction does.
 
 use super::{Interface, fresnel};
 use crate::spectrum::SampledSpectrum;
@@ -27,7 +27,8 @@ impl Dielectric {
         interface.lanes(|k| fresnel::dielectric(cos, near[k], far[k])) * self.reflect_tint
     }
 
-    /// Transmittance per lane for light arriving at cosine `cos` on the side `above`, tint included.
+    /// Transmittance per lane for light arriving at cosine `cos` on the side `above`, tint
+    /// included.
     pub(super) fn transmittance(
         &self,
         cos: f64,

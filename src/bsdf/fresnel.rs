@@ -1,6 +1,8 @@
-//! Fresnel reflectance of unpolarized light, and Snell's law (Born and Wolf, Principles of Optics, 1.5 and 14.2).
+//! Fresnel reflectance of unpolarized light, and Snell's law (Born and Wolf, Principles of Optics,
+//! 1.5 and 14.2).
 //!
-//! Invariant: equal indices give exactly R = 0 and a straight ray; total internal reflection exactly R = 1.
+//! Invariant: equal indices give exactly R = 0 and a straight ray; total internal reflection
+//! exactly R = 1.
 
 use glam::DVec3;
 
@@ -9,11 +11,12 @@ fn index_contrast(eta_i: f64, eta_t: f64) -> f64 {
     (eta_t - eta_i) * (eta_t + eta_i) / (eta_i * eta_i)
 }
 
-/// Reflectance in [0, 1] of the interface from index `eta_i` to `eta_t`; `cos_i` in [0, 1] is on the side of `eta_i`.
+/// Reflectance in [0, 1] of the interface from index `eta_i` to `eta_t`; `cos_i` in [0, 1] is on
+/// the side of `eta_i`.
 ///
-/// With n = η_t/η_i and g² = n² - 1 + cos², the amplitudes are written as
-/// r_s = -(n² - 1)/(cos + g)² and r_p = (n² - 1)((n² + 1) cos² - 1)/(n² cos + g)²: no difference of near-equal numbers
-/// but the one that Brewster's angle is.
+/// With n = η_t/η_i and g² = n² - 1 + cos², the amplitudes are written as r_s = -(n² - 1)/(cos +
+/// g)² and r_p = (n² - 1)((n² + 1) cos² - 1)/(n² cos + g)²: no difference of near-equal numbers but
+/// the one that Brewster's angle is.
 #[must_use]
 pub fn dielectric(cos_i: f64, eta_i: f64, eta_t: f64) -> f64 {
     let contrast = index_contrast(eta_i, eta_t);
@@ -32,7 +35,8 @@ pub fn dielectric(cos_i: f64, eta_i: f64, eta_t: f64) -> f64 {
     (0.5 * (r_s * r_s + r_p * r_p)).min(1.0)
 }
 
-/// Reflectance in [0, 1] of a metal of index `n + i k` seen from index `eta_i` at `cos_i` in [0, 1].
+/// Reflectance in [0, 1] of a metal of index `n + i k` seen from index `eta_i` at `cos_i` in [0,
+/// 1].
 #[must_use]
 pub fn conductor(cos_i: f64, eta_i: f64, n: f64, k: f64) -> f64 {
     let (n, k) = (n / eta_i, k / eta_i);
@@ -57,8 +61,8 @@ pub fn conductor(cos_i: f64, eta_i: f64, n: f64, k: f64) -> f64 {
     }
 }
 
-/// The refraction of `w` (unit, pointing away from the surface, on the side of the unit vector `m`) through the plane
-/// normal to `m`, again pointing away. `None` at total internal reflection.
+/// The refraction of `w` (unit, pointing away from the surface, on the side of the unit vector `m`)
+/// through the plane normal to `m`, again pointing away. `None` at total internal reflection.
 #[must_use]
 pub fn refract(w: DVec3, m: DVec3, eta_i: f64, eta_t: f64) -> Option<DVec3> {
     let cos_i = w.dot(m);

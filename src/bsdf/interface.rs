@@ -42,8 +42,8 @@ impl<'a> Interface<'a> {
         out
     }
 
-    /// Fresnel reflectance at cosine `cos` on the side `above`, averaged over the lanes in use: the probability of
-    /// choosing reflection, the same whichever lane is the hero.
+    /// Fresnel reflectance at cosine `cos` on the side `above`, averaged over the lanes in use: the
+    /// probability of choosing reflection, the same whichever lane is the hero.
     pub(super) fn mean_reflectance(&self, cos: f64, above: bool) -> f64 {
         let (near, far) = self.sides(above);
         // without dispersion the ratio of the indices, hence the reflectance, is that of the hero

@@ -51,7 +51,8 @@ impl Lobe {
         }
     }
 
-    /// Probability of `label` once the lobe is chosen, for a direction at cosine `cos` on the side `above`.
+    /// Probability of `label` once the lobe is chosen, for a direction at cosine `cos` on the side
+    /// `above`.
     pub(super) fn label_probability(
         &self,
         label: Label,

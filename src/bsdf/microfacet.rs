@@ -1,8 +1,9 @@
 //! The GGX distribution of micro-normals with Smith's height-correlated masking-shadowing.
 //!
-//! Walter, Marschner, Li, Torrance 2007 (distribution); Heitz 2014 (anisotropy, correlation); Dupuy and Benyoub 2023
-//! (visible normals as a spherical cap). Only squares of components enter, so both sides of the surface are treated
-//! alike. Quotients by cosines are kept together: all functions stay finite at grazing angles.
+//! Walter, Marschner, Li, Torrance 2007 (distribution); Heitz 2014 (anisotropy, correlation); Dupuy
+//! and Benyoub 2023 (visible normals as a spherical cap). Only squares of components enter, so both
+//! sides of the surface are treated alike. Quotients by cosines are kept together: all functions
+//! stay finite at grazing angles.
 
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, TAU};
@@ -24,7 +25,8 @@ impl Ggx {
         FRAC_1_PI / (ax * ay * e * e)
     }
 
-    /// Length of the direction in the space where the surface is a hemisphere of roughness 1: `|w.z| (1 + 2 Λ(w))`.
+    /// Length of the direction in the space where the surface is a hemisphere of roughness 1:
+    /// `|w.z| (1 + 2 Λ(w))`.
     fn stretched(&self, w: DVec3) -> f64 {
         let (x, y) = (self.alpha[0] * w.x, self.alpha[1] * w.y);
         (x * x + y * y + w.z * w.z).sqrt()
@@ -36,8 +38,8 @@ impl Ggx {
         2.0 / (self.stretched(a) * b.z.abs() + self.stretched(b) * a.z.abs())
     }
 
-    /// Density per solid angle of the micro-normals visible from `w`: `G₁(w) D(m) |w·m| / |w.z|`. The caller sees to it
-    /// that `m` faces `w`.
+    /// Density per solid angle of the micro-normals visible from `w`: `G₁(w) D(m) |w·m| / |w.z|`.
+    /// The caller sees to it that `m` faces `w`.
     #[must_use]
     pub fn visible_pdf(&self, w: DVec3, m: DVec3) -> f64 {
         self.d(m) * w.dot(m).abs() * 2.0 / (w.z.abs() + self.stretched(w))

@@ -1,7 +1,9 @@
-//! Scattering at a surface point, in units of basic radiance (L/η²): one symmetric kernel, no transport mode.
+//! Scattering at a surface point, in units of basic radiance (L/η²): one symmetric kernel, no
+//! transport mode.
 //!
-//! Directions are unit vectors in the local shading frame (z = shading normal), pointing away from the surface.
-//! ω⁻ points towards the light side of the path, ω⁺ towards the camera side. `g = f / η₊²` is symmetric.
+//! Directions are unit vectors in the local shading frame (z = shading normal), pointing away from
+//! the surface. ω⁻ points towards the light side of the path, ω⁺ towards the camera side. `g = f /
+//! η₊²` is symmetric.
 
 pub mod coated;
 pub mod conductor;
@@ -20,7 +22,7 @@ pub use lobe::Lobe;
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use glam::DVec3;
 
-/// What happened at an interior vertex of a path. A path is a list of vertices *and* labels.
+/// Kind of scattering at an interior vertex of a path. A path is a list of vertices *and* labels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Label {
     /// Any non-specular scattering (diffuse, glossy, rough transmission).
@@ -75,9 +77,11 @@ impl LaneDensity {
 pub struct BsdfEval {
     /// `g = f / η₊²`, per lane.
     pub g: SampledSpectrum,
-    /// Hero's solid-angle density of generating ω⁺ given ω⁻ (the D→ of a light walk), label probability included.
+    /// Hero's solid-angle density of generating ω⁺ given ω⁻ (the D→ of a light walk), label
+    /// probability included.
     pub pdf_camera: f64,
-    /// Hero's solid-angle density of generating ω⁻ given ω⁺ (the D← of a camera walk), label probability included.
+    /// Hero's solid-angle density of generating ω⁻ given ω⁺ (the D← of a camera walk), label
+    /// probability included.
     pub pdf_light: f64,
     /// Per-lane versions of (`pdf_camera`, `pdf_light`) where they differ from the hero's.
     pub columns: Option<(LaneDensity, LaneDensity)>,
@@ -100,12 +104,13 @@ pub struct BsdfSample {
     pub w: DVec3,
     /// The label drawn.
     pub label: Label,
-    /// Throughput factor in basic units, per lane: `g η² |cos θ| / pdf` for the non-specular label (cos and η² of the
-    /// generated side, hero's pdf), `R/q` or `T/q` for a specular one. A dispersive transmission leaves only the hero
-    /// and lanes of exactly its wavelength alive (the caller does that, from `dispersive`).
+    /// Throughput factor in basic units, per lane: `g η² |cos θ| / pdf` for the non-specular label
+    /// (cos and η² of the generated side, hero's pdf), `R/q` or `T/q` for a specular one. A
+    /// dispersive transmission leaves only the hero and lanes of exactly its wavelength alive (the
+    /// caller does that, from `dispersive`).
     pub weight: SampledSpectrum,
-    /// Density of the generated direction: per solid angle for the non-specular label, the label's probability `q` for
-    /// a specular one (its delta is left out).
+    /// Density of the generated direction: per solid angle for the non-specular label, the label's
+    /// probability `q` for a specular one (its delta is left out).
     pub pdf: f64,
     /// The same with the roles of the two directions exchanged.
     pub pdf_reverse: f64,
@@ -115,10 +120,11 @@ pub struct BsdfSample {
     pub columns: Option<(LaneDensity, LaneDensity)>,
 }
 
-/// A mixture of weighted lobes between two media. Weights are at most 1 in sum; what is missing is absorbed.
+/// A mixture of weighted lobes between two media. Weights are at most 1 in sum; what is missing is
+/// absorbed.
 ///
-/// All lobes of a label act as one: whichever of them generated the direction, value, density and label probability are
-/// sums over all, so they depend on the directions and the label alone.
+/// All lobes of a label act as one: whichever of them generated the direction, value, density and
+/// label probability are sums over all, so they depend on the directions and the label alone.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf<'a> {
     /// (weight, lobe); the selection probability of a lobe is its weight over the sum. None: black.
@@ -148,8 +154,9 @@ impl Bsdf<'_> {
             .sum()
     }
 
-    /// Probability that scattering from direction `w` (of either side) draws `label`: Σ sel_i q_i(label). A function of
-    /// the vertex, the direction and the set of lanes, not of which lane is the hero.
+    /// Probability that scattering from direction `w` (of either side) draws `label`: Σ sel_i
+    /// q_i(label). A function of the vertex, the direction and the set of lanes, not of which lane
+    /// is the hero.
     #[must_use]
     pub fn label_probability(&self, label: Label, w: DVec3) -> f64 {
         let (cos, above) = (w.z.abs(), w.z > 0.0);
@@ -164,9 +171,9 @@ impl Bsdf<'_> {
         }
     }
 
-    /// Reflectance ([`Label::SpecularReflect`]) or transmittance ([`Label::SpecularTransmit`]) per lane, weights and
-    /// tints included, of the specular lobes for light at cosine `cos` in [0, 1] on the side `above` the normal (or
-    /// below). 0 for the non-specular label.
+    /// Reflectance ([`Label::SpecularReflect`]) or transmittance ([`Label::SpecularTransmit`]) per
+    /// lane, weights and tints included, of the specular lobes for light at cosine `cos` in [0, 1]
+    /// on the side `above` the normal (or below). 0 for the non-specular label.
     #[must_use]
     pub fn specular(&self, label: Label, cos: f64, above: bool) -> SampledSpectrum {
         let mut sum = SampledSpectrum::ZERO;
@@ -176,7 +183,8 @@ impl Bsdf<'_> {
         sum
     }
 
-    /// The non-specular label for given directions. Both densities come with the value: they cannot disagree.
+    /// The non-specular label for given directions. Both densities come with the value: they cannot
+    /// disagree.
     #[must_use]
     pub fn eval(&self, w_light: DVec3, w_camera: DVec3) -> BsdfEval {
         if let [(weight, lobe)] = self.lobes {
@@ -217,8 +225,9 @@ impl Bsdf<'_> {
         sum
     }
 
-    /// Generates the direction of side `generate` from the `given` one. `u`: label/lobe choice, then two for the direction.
-    /// `None` when the sample fails (GGX below the surface, nothing to scatter).
+    /// Generates the direction of side `generate` from the `given` one. `u`: label/lobe choice,
+    /// then two for the direction. `None` when the sample fails (GGX below the surface, nothing to
+    /// scatter).
     #[must_use]
     pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
         let (lobe, rest) = self.choose_lobe(u[0])?;
@@ -333,8 +342,8 @@ impl Bsdf<'_> {
         })
     }
 
-    /// Colour for the preview AOV: the share scattered at normal incidence from above, transmission included (clear
-    /// glass is white), per lane.
+    /// Colour for the preview AOV: the share scattered at normal incidence from above, transmission
+    /// included (clear glass is white), per lane.
     #[must_use]
     pub fn albedo(&self) -> SampledSpectrum {
         let (near, far) = self.interface.sides(true);

@@ -1,8 +1,9 @@
-//! Rough interface between two dielectrics (Walter, Marschner, Li, Torrance 2007) with GGX micro-normals.
+//! Rough interface between two dielectrics (Walter, Marschner, Li, Torrance 2007) with GGX
+//! micro-normals.
 //!
-//! In basic units the transmission kernel is symmetric as it stands:
-//! g = |a·m| |b·m| T D G₂ / (|a.z| |b.z| (η_a a·m + η_b b·m)²). With dispersion each lane has its own half vector for
-//! one pair of directions, hence its own value and its own density.
+//! In basic units the transmission kernel is symmetric as it stands: g = |a·m| |b·m| T D G₂ /
+//! (|a.z| |b.z| (η_a a·m + η_b b·m)²). With dispersion each lane has its own half vector for one
+//! pair of directions, hence its own value and its own density.
 
 use super::microfacet::Ggx;
 use super::{BsdfEval, Interface, LaneDensity, cosine_on_side, fresnel};
@@ -20,7 +21,7 @@ pub struct RoughDielectric {
     pub transmit_tint: SampledSpectrum,
 }
 
-/// What one lane has for a transmitted pair.
+/// Kernel and densities of one lane for a transmitted pair.
 struct Transmission {
     g: f64,
     pdf_camera: f64,
@@ -100,7 +101,8 @@ impl RoughDielectric {
         Some(eval)
     }
 
-    /// Value (without tint) and densities of lane `k` with its own half vector; `None` where it has none.
+    /// Value (without tint) and densities of lane `k` with its own half vector; `None` where it has
+    /// none.
     fn lane_transmission(
         &self,
         k: usize,
@@ -143,8 +145,9 @@ impl RoughDielectric {
         })
     }
 
-    /// A direction for `given` above the surface of `interface`. `None` at total internal reflection of the hero after
-    /// transmission was chosen, or when the result is on the wrong side.
+    /// A direction for `given` above the surface of `interface`. `None` at total internal
+    /// reflection of the hero after transmission was chosen, or when the result is on the wrong
+    /// side.
     pub(super) fn generate(
         &self,
         given: DVec3,

@@ -148,7 +148,8 @@ fn samples_have_their_density() {
                     let s = bsdf.sample(given, generate, u)?;
                     (s.label == Label::NonSpecular).then_some(s.w)
                 };
-                // the specular labels of a mixture count as failed: the density holds the label's probability
+                // the specular labels of a mixture count as failed: the density holds the label's
+                // probability
                 let pdf = |w| pdf_of(bsdf, given, generate, w);
                 let p = sphere_p_value(11, 20_000, draw, &pdf);
                 assert!(p > level, "case {i}, {degrees}°, {generate:?}: p = {p}");
@@ -384,8 +385,8 @@ fn columns_are_the_densities_of_rotated_heroes() {
     assert!(different > 100, "{different}");
 }
 
-/// The balance heuristic over heroes with the columns as densities gives every lane its own albedo, the one it has
-/// alone: values, lanes' densities and the lobe choice are consistent.
+/// The balance heuristic over heroes with the columns as densities gives every lane its own albedo,
+/// the one it has alone: values, lanes' densities and the lobe choice are consistent.
 #[test]
 fn lanes_combined_over_heroes_keep_their_energy() {
     let base = dispersive_interface();

@@ -1,6 +1,7 @@
 //! Thin sheet: reflection at both faces and straight passage, between equal media.
 //!
-//! The incoherent sum of all inner reflections is R' = 2R/(1+R), T' = (1-R)/(1+R) for R of one face.
+//! The incoherent sum of all inner reflections is R' = 2R/(1+R), T' = (1-R)/(1+R) for R of one
+//! face.
 
 use super::{Interface, fresnel};
 use crate::spectrum::SampledSpectrum;

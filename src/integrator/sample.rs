@@ -1,7 +1,8 @@
-//! One sample of one pixel: a light sub-path, a camera sub-path, and the strategies the integrator executes.
+//! One sample of one pixel: a light sub-path, a camera sub-path, and the strategies the integrator
+//! executes.
 //!
-//! Integrators differ only in which strategies they execute ([`StrategySet::samples`]) and so in which sub-paths they
-//! need; the walk, the connections and the weights are the same code.
+//! Integrators differ only in which strategies they execute ([`StrategySet::samples`]) and so in
+//! which sub-paths they need; the walk, the connections and the weights are the same code.
 
 use super::strategies;
 use crate::bsdf::Side;
@@ -23,9 +24,9 @@ use crate::transport::{
 };
 use glam::{DVec2, DVec3};
 
-/// What all samples of a sensor share.
+/// Job of rendering a sensor: what all its samples share.
 #[derive(Clone, Debug)]
-pub struct Frame<'a> {
+pub struct SensorJob<'a> {
     /// The scene.
     pub scene: &'a Scene,
     /// The sensor, by index.
@@ -44,7 +45,7 @@ pub struct Frame<'a> {
     light_paths: Vec<u64>,
 }
 
-impl<'a> Frame<'a> {
+impl<'a> SensorJob<'a> {
     /// For a sensor of the scene, over part of its film.
     #[must_use]
     pub fn new(
@@ -80,7 +81,7 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// How many wavelengths of a shared set take turns as heroes.
+    /// Number of wavelengths of a shared set that take turns as heroes.
     #[must_use]
     pub fn heroes(&self) -> u32 {
         self.light_paths.len() as u32
@@ -154,7 +155,7 @@ pub struct Workspace {
     camera: Subpath,
     scratch: Scratch,
     retraced: Subpath,
-    /// What the last sample gave.
+    /// Contributions of the last sample.
     pub contributions: Vec<Contribution>,
     /// Counts of this thread.
     pub counters: Counters,
@@ -170,21 +171,21 @@ impl Workspace {
 
 /// Wavelengths and media of one pixel's paths in a pass.
 pub(super) fn begin<'a>(
-    frame: &Frame<'a>,
+    job: &SensorJob<'a>,
     pass: &'a PassSettings,
     (x, y): (u32, u32),
     response: SensorResponse,
     media: &'a mut Vec<MediumLanes>,
 ) -> (Sampler, PathContext<'a>) {
-    let scene = frame.scene;
-    let resolution = scene.sensors[frame.sensor].camera.resolution();
-    let sampler = frame.sampler(pass, (x, y));
-    let lanes = frame.lanes();
+    let scene = job.scene;
+    let resolution = scene.sensors[job.sensor].camera.resolution();
+    let sampler = job.sampler(pass, (x, y));
+    let lanes = job.lanes();
     let u_wavelength = match &pass.shared {
         None => sampler.wavelength(
             (x, y),
             (resolution.width, resolution.height),
-            frame.settings.seed,
+            job.settings.seed,
         ),
         Some(shared) => {
             let turn = f64::from(shared.hero((x, y))) / lanes as f64;
@@ -192,7 +193,7 @@ pub(super) fn begin<'a>(
         }
     };
     let wavelengths = scene.wavelengths.sample(u_wavelength, lanes);
-    let sensor = &scene.sensors[frame.sensor];
+    let sensor = &scene.sensors[job.sensor];
     let time = if scene.is_moving && !sensor.shutter.is_instant() {
         let u = pass
             .shared
@@ -205,7 +206,7 @@ pub(super) fn begin<'a>(
     media.extend(scene.media.iter().map(|m| m.sample(&wavelengths)));
     let context = PathContext {
         scene,
-        sensor: frame.sensor,
+        sensor: job.sensor,
         pass,
         media,
         time,
@@ -215,10 +216,10 @@ pub(super) fn begin<'a>(
     (sampler, context)
 }
 
-/// Computes one sample of pixel (x, y) into the workspace, without merging. The contributions are in
-/// `workspace.contributions`, to be turned into film values by what is returned.
+/// Computes one sample of pixel (x, y) into the workspace, without merging. The contributions are
+/// in `workspace.contributions`, to be turned into film values by what is returned.
 pub fn sample_pixel(
-    frame: &Frame,
+    job: &SensorJob,
     pass: &PassSettings,
     pixel: (u32, u32),
     response: SensorResponse,
@@ -228,21 +229,21 @@ pub fn sample_pixel(
         merge_radius: None,
         ..*pass
     };
-    sample_and_merge(frame, &unmerged, None, pixel, response, workspace)
+    sample_and_merge(job, &unmerged, None, pixel, response, workspace)
 }
 
 /// The same, and the camera sub-path is merged with the photons of its pass.
 pub fn sample_and_merge(
-    frame: &Frame,
+    job: &SensorJob,
     pass: &PassSettings,
     photons: Option<&PhotonMap>,
     (x, y): (u32, u32),
     response: SensorResponse,
     workspace: &mut Workspace,
 ) -> LaneResponse {
-    let scene = frame.scene;
-    let settings = frame.settings;
-    let sensor = &scene.sensors[frame.sensor];
+    let scene = job.scene;
+    let settings = job.settings;
+    let sensor = &scene.sensors[job.sensor];
     let Workspace {
         media,
         light,
@@ -254,9 +255,9 @@ pub fn sample_and_merge(
     } = workspace;
     contributions.clear();
     counters.paths += 1;
-    let (sampler, context) = begin(frame, pass, (x, y), response, media);
+    let (sampler, context) = begin(job, pass, (x, y), response, media);
     let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.set(Draw::Film);
-    let max_depth = frame.max_depth();
+    let max_depth = job.max_depth();
 
     let offset = sensor.filter.sample(DVec2::new(u_film_x, u_film_y));
     let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) + offset;
@@ -264,10 +265,10 @@ pub fn sample_and_merge(
         .camera
         .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.time);
     camera.restart(start.xk, sensor.stack.region(), None, start.pdf_xk);
-    let strategies = frame.strategies_of(pass, (x, y));
+    let strategies = job.strategies_of(pass, (x, y));
     if strategies.wants_camera_walk() {
         let eta2 = context.eta_squared(sensor.stack.medium());
-        let hittable = frame.strategies.hittable_sensor;
+        let hittable = job.strategies.hittable_sensor;
         let x_sensor = start.xk;
         walk(
             &context,
@@ -312,8 +313,8 @@ pub fn sample_and_merge(
         strategies: &strategies,
         max_depth,
         skip_point_images: !settings.show_point_lights && sensor.camera.is_delta(),
-        with_raw: frame.with_raw,
-        detailed: frame.detailed,
+        with_raw: job.with_raw,
+        detailed: job.detailed,
         sampler: &sampler,
         counters,
         out: contributions,
@@ -347,7 +348,7 @@ pub fn sample_and_merge(
             map,
             accepts: (shared.heroes > 1).then_some(&is_same_hero),
             retrace: &|path, subpath, counters| {
-                let sampler = frame.sampler(pass, pixel_of(path));
+                let sampler = job.sampler(pass, pixel_of(path));
                 start_light(&context, subpath, max_depth, &sampler, counters);
             },
             retraced,

@@ -4,8 +4,8 @@ use crate::scene::Settings;
 use crate::scene::settings::IntegratorKind;
 use crate::transport::strategies::{Merge, MergeRule, StrategySet};
 
-/// The strategies that the settings of a render ask for, for one sensor, without regularization and before any photons.
-/// `splat_samples`: light sub-paths per pass / pixels of the full film.
+/// The strategies that the settings of a render ask for, for one sensor, without regularization and
+/// before any photons. `splat_samples`: light sub-paths per pass / pixels of the full film.
 #[must_use]
 pub fn strategies(
     settings: &Settings,

@@ -11,7 +11,7 @@
 
 use crate::bsdf::Label;
 use crate::film::Crop;
-use crate::integrator::{Frame, Workspace, sample_pixel};
+use crate::integrator::{SensorJob, Workspace, sample_pixel};
 use crate::light::LightId;
 use crate::scene::Settings;
 use crate::spectrum::SensorResponse;
@@ -87,7 +87,7 @@ pub enum Refinement {
 
 /// Chooses ε₁ for a sensor.
 #[must_use]
-pub fn choose(frame: &Frame, response: SensorResponse) -> EpsilonChoice {
+pub fn choose(frame: &SensorJob, response: SensorResponse) -> EpsilonChoice {
     if let Some(epsilon) = frame.settings.regularization.epsilon {
         return EpsilonChoice {
             epsilon,
@@ -100,7 +100,7 @@ pub fn choose(frame: &Frame, response: SensorResponse) -> EpsilonChoice {
     };
     let whole = frame.scene.sensors[frame.sensor].whole_film();
     let pilot = Pilot {
-        frame: Frame::new(frame.scene, frame.sensor, &settings, &whole, false),
+        frame: SensorJob::new(frame.scene, frame.sensor, &settings, &whole, false),
         response,
         film: whole,
     };
@@ -114,7 +114,7 @@ pub fn choose(frame: &Frame, response: SensorResponse) -> EpsilonChoice {
 }
 
 struct Pilot<'a> {
-    frame: Frame<'a>,
+    frame: SensorJob<'a>,
     response: SensorResponse,
     film: Crop,
 }

@@ -8,7 +8,7 @@
 
 use super::pilot::{PASS, SAMPLES, lattice};
 use crate::film::Crop;
-use crate::integrator::{Frame, PhotonTracer, Workspace, sample_pixel};
+use crate::integrator::{PhotonTracer, SensorJob, Workspace, sample_pixel};
 use crate::math::hash::{combine, random_bits, unit_f64};
 use crate::scene::Settings;
 use crate::scene::settings::{Merging, Sharing};
@@ -107,7 +107,7 @@ impl SharedWavelengths {
 
 /// Chooses r₁ for a sensor.
 #[must_use]
-pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
+pub fn choose_radius(frame: &SensorJob, response: SensorResponse) -> RadiusChoice {
     let scene = frame.scene;
     if let Some(radius) = frame.settings.merging.radius {
         return RadiusChoice {
@@ -123,7 +123,7 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
             ..frame.settings.clone()
         };
         let whole = scene.sensors[frame.sensor].whole_film();
-        let pilot = Frame::new(scene, frame.sensor, &settings, &whole, false);
+        let pilot = SensorJob::new(scene, frame.sensor, &settings, &whole, false);
         let pass = PassSettings {
             index: PASS,
             ..PassSettings::default()
@@ -167,7 +167,7 @@ pub fn scheduled_radius(merging: &Merging, scene_radius: f64, first: f64, index:
 
 /// Wavelength and time of pass `index`.
 #[must_use]
-pub fn shared_sample(frame: &Frame, index: u32) -> SharedSample {
+pub fn shared_sample(frame: &SensorJob, index: u32) -> SharedSample {
     let key = combine(
         combine(frame.settings.seed, 0x5348_4152),
         frame.sensor as u64,
@@ -197,7 +197,7 @@ pub fn shared_sample(frame: &Frame, index: u32) -> SharedSample {
 /// Traces the light sub-paths of all pixels of the crop and stores their vertices. The order of the photons is that of the pixels,
 /// whatever the threads. No map where there are more than fit; nothing at all where `is_cancelled` says so between batches.
 pub fn trace_photons(
-    frame: &Frame,
+    frame: &SensorJob,
     pass: &PassSettings,
     crop: &Crop,
     is_cancelled: impl Fn() -> bool,
@@ -238,7 +238,7 @@ pub fn trace_photons(
 
 /// What the passes of a render over part of the film will hold.
 #[must_use]
-pub fn memory(frame: &Frame, crop: &Crop) -> PhotonMemory {
+pub fn memory(frame: &SensorJob, crop: &Crop) -> PhotonMemory {
     let (mut tracer, mut buffer) = (PhotonTracer::default(), PhotonBuffer::default());
     for index in PASS - (PILOT_PASSES - 1)..=PASS {
         let pass = PassSettings {

@@ -25,7 +25,7 @@ pub use stop::{Cancel, StopReason, StopRules};
 pub use table::ClassTable;
 
 use crate::film::{AddSumsError, Crop};
-use crate::integrator::Frame;
+use crate::integrator::SensorJob;
 use crate::scene::regularization::Decision;
 use crate::scene::{Scene, Settings};
 use crate::transport::photons::bytes_per_vertex;
@@ -114,7 +114,7 @@ impl Render {
         &self.settings
     }
 
-    fn frame(&self) -> Frame<'_> {
+    fn frame(&self) -> SensorJob<'_> {
         let Self {
             scene,
             settings,
@@ -131,7 +131,7 @@ impl Render {
         self.settings_of(&self.frame(), index)
     }
 
-    fn settings_of(&self, frame: &Frame, index: u32) -> PassSettings {
+    fn settings_of(&self, frame: &SensorJob, index: u32) -> PassSettings {
         let merges = self.radius.is_some();
         PassSettings {
             index,
@@ -376,8 +376,8 @@ fn frame<'a>(
     settings: &'a Settings,
     crop: &Crop,
     request: &OutputRequest,
-) -> Frame<'a> {
-    let mut frame = Frame::new(scene, sensor, settings, crop, request.class_table);
+) -> SensorJob<'a> {
+    let mut frame = SensorJob::new(scene, sensor, settings, crop, request.class_table);
     frame.detailed |= request.strategies || !request.classes.is_empty();
     frame
 }

@@ -2,7 +2,7 @@
 
 use super::{Cancel, ClassTable, Outputs};
 use crate::film::Crop;
-use crate::integrator::{Frame, Workspace, sample_and_merge};
+use crate::integrator::{SensorJob, Workspace, sample_and_merge};
 use crate::transport::{Counters, PassSettings, PhotonMap, Target};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
@@ -58,7 +58,7 @@ struct Local {
 
 /// Adds a sample of every pixel to `outputs`. `None` where the pass was cancelled: then some tiles are missing.
 pub(super) fn render_tiles(
-    frame: &Frame,
+    frame: &SensorJob,
     pass: &PassSettings,
     photons: Option<&PhotonMap>,
     outputs: &Outputs,
@@ -112,7 +112,7 @@ fn tiles(crop: &Crop) -> Vec<Crop> {
 }
 
 fn render_pixel(
-    (frame, pass, photons): (&Frame, &PassSettings, Option<&PhotonMap>),
+    (frame, pass, photons): (&SensorJob, &PassSettings, Option<&PhotonMap>),
     outputs: &Outputs,
     (x, y): (u32, u32),
     half: usize,

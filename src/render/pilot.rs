@@ -1,7 +1,7 @@
 //! Short runs before the first pass, for what all passes must agree on.
 
 use crate::film::Crop;
-use crate::integrator::{Frame, Workspace, sample_pixel};
+use crate::integrator::{SensorJob, Workspace, sample_pixel};
 use crate::spectrum::SensorResponse;
 use crate::transport::{Cone, PassSettings};
 
@@ -28,7 +28,7 @@ pub(super) fn lattice(crop: &Crop) -> impl Iterator<Item = (u32, u32)> {
 /// The roulette threshold: a share of the mean indirect value of a sample. A function of scene, settings and seed alone, so that
 /// renders of different passes agree.
 #[must_use]
-pub fn roulette_threshold(frame: &Frame, cone: Option<Cone>, response: SensorResponse) -> f64 {
+pub fn roulette_threshold(frame: &SensorJob, cone: Option<Cone>, response: SensorResponse) -> f64 {
     let pass = PassSettings {
         index: PASS,
         cone,

@@ -1,20 +1,23 @@
 //! Random numbers: pure functions of (seed, sensor, pixel, pass, name of the draw).
 //!
-//! Each decision of a sample has a name and asks for its numbers by it ([`Draw`]), in any order and whatever else was decided:
-//! the same vertex has the same dimensions of the low-discrepancy sequence in every pass, and a Metropolis sampler can take the
-//! same place.
+//! Each decision of a sample has a name and asks for its numbers by it ([`Draw`]), in any order and
+//! whatever else was decided: the same vertex has the same dimensions of the low-discrepancy
+//! sequence in every pass, and a Metropolis sampler can take the same place.
 //!
-//! Wavelengths have a sequence of their own, over pixels and passes at once: one digital net in base 2 (Niederreiter, "Point sets
-//! and sequences with small discrepancy", 1987), scrambled as a whole (Owen 1995). Any aligned block of 2^p pixels in Morton
-//! order over any aligned 2^q passes of a half has one wavelength in each of 2^(p+q) strata.
+//! Wavelengths have a sequence of their own, over pixels and passes at once: one digital net in
+//! base 2 (Niederreiter, "Point sets and sequences with small discrepancy", 1987), scrambled as a
+//! whole (Owen 1995). Any aligned block of 2^p pixels in Morton order over any aligned 2^q passes
+//! of a half has one wavelength in each of 2^(p+q) strata.
 //!
-//! Times are stratified over the passes of a pixel, and together with its wavelengths: the pairs of any aligned 2^q passes of
-//! a half lie one in each of 2^q boxes, whatever their shape (the (0,2)-sequence of Sobol').
+//! Times are stratified over the passes of a pixel, and together with its wavelengths: the pairs of
+//! any aligned 2^q passes of a half lie one in each of 2^q boxes, whatever their shape (the
+//! (0,2)-sequence of Sobol').
 
 use crate::math::hash::{combine, random_bits, unit_f64};
 use sobol_burley::parts::owen_scramble_rev;
 
-/// A decision of one sample that takes random numbers. The first few of each kind are stratified over the passes.
+/// A decision of one sample that takes random numbers. The first few of each kind are stratified
+/// over the passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Draw {
     /// Film position and lens: two numbers each.
@@ -27,17 +30,21 @@ pub enum Draw {
     LightDirection,
     /// Scattering at light vertex i, as [`Draw::Camera`].
     Light(usize),
-    /// The light that camera vertex j - 1 is connected to, and the point on it (two); 0: the point of a detector.
+    /// The light that camera vertex j - 1 is connected to, and the point on it (two); 0: the point
+    /// of a detector.
     Direct(usize),
-    /// Point of the sensor that light vertex i - 1 is connected to: two; 0: the start of the light sub-path.
+    /// Point of the sensor that light vertex i - 1 is connected to: two; 0: the start of the light
+    /// sub-path.
     Lens(usize),
     /// Whether light vertex i is joined to camera vertices 4 b .. 4 b + 3, one number each: (i, b).
     Pairs(usize, usize),
-    /// Whether a camera sub-path passes the nth partly covered surface after as many vertices: (vertices, n).
+    /// Whether a camera sub-path passes the nth partly covered surface after as many vertices:
+    /// (vertices, n).
     CameraCoverage(usize, usize),
     /// The same for a light sub-path.
     LightCoverage(usize, usize),
-    /// Russian roulette before the shadow ray of strategy (s, t) under one of four pairs of labels: (s, t, labels).
+    /// Russian roulette before the shadow ray of strategy (s, t) under one of four pairs of labels:
+    /// (s, t, labels).
     Roulette(usize, usize, usize),
 }
 
@@ -55,7 +62,8 @@ const PAIR_SETS: u32 = 49;
 const END_OF_SETS: u32 = 64;
 
 impl Draw {
-    /// Number of its kind, a number of its own within the kind, and its set in the low-discrepancy sequence, if it has one.
+    /// Number of its kind, a number of its own within the kind, and its set in the low-discrepancy
+    /// sequence, if it has one.
     fn place(self) -> (u64, u64, Option<u32>) {
         let two = |a: usize, b: usize| (a as u64) << 26 | b as u64;
         let within = |first: u32, i: usize, end: u32| {
@@ -83,15 +91,16 @@ impl Draw {
 #[derive(Clone, Copy, Debug)]
 pub struct Sampler {
     key: u64,
-    /// Index within the low-discrepancy sequence, and the key of its scrambling (the same for all indices of a pixel).
+    /// Index within the low-discrepancy sequence, and the key of its scrambling (the same for all
+    /// indices of a pixel).
     index: u32,
     scramble: u64,
     pass: u32,
 }
 
 impl Sampler {
-    /// The numbers of pass `pass` of a pixel. Even and odd passes are scrambled independently, so that the two halves of the
-    /// passes are independent estimates.
+    /// The numbers of pass `pass` of a pixel. Even and odd passes are scrambled independently, so
+    /// that the two halves of the passes are independent estimates.
     #[must_use]
     pub fn new(seed: u64, sensor: u32, pixel: u64, pass: u32) -> Self {
         let half = u64::from(pass & 1);
@@ -108,8 +117,8 @@ impl Sampler {
         }
     }
 
-    /// The primary wavelength number of a pixel of a film of `size` columns and rows, stratified over neighboring pixels and passes
-    /// together.
+    /// The primary wavelength number of a pixel of a film of `size` columns and rows, stratified
+    /// over neighboring pixels and passes together.
     #[must_use]
     pub fn wavelength(&self, pixel: (u32, u32), size: (u32, u32), seed: u64) -> f64 {
         // the same for all pixels, but not for the two halves of the passes
@@ -154,8 +163,9 @@ impl Sampler {
     }
 }
 
-/// A number for each pixel that is near for near pixels: the bits of x and y interleaved as far as both have any, then the rest of
-/// the longer side (a film of one row has no bits of y, which would stay the same for all its pixels).
+/// A number for each pixel that is near for near pixels: the bits of x and y interleaved as far as
+/// both have any, then the rest of the longer side (a film of one row has no bits of y, which would
+/// stay the same for all its pixels).
 fn pixel_digits((x, y): (u32, u32), (width, height): (u32, u32)) -> u32 {
     let bits = |n: u32| u32::BITS - n.saturating_sub(1).leading_zeros();
     let shared = bits(width).min(bits(height)).min(15);
@@ -175,11 +185,13 @@ fn morton(x: u32, y: u32) -> u32 {
     spread(x) | spread(y) << 1
 }
 
-/// Pascal's triangle modulo 2 times the bits of `n`: bit r of the product is the parity of C(r, c) over the set bits c of `n`.
+/// Pascal's triangle modulo 2 times the bits of `n`: bit r of the product is the parity of C(r, c)
+/// over the set bits c of `n`.
 ///
-/// Its minors of q rows in sequence and the first q columns are all 1 (Vandermonde), so that beside the identity, which holds p
-/// digits for 2^p pixels, it gives 2^q passes all values of the next q digits. C(r, c) is odd where c is a subset of r (Lucas),
-/// which makes the product a sum over subsets.
+/// Its minors of q rows in sequence and the first q columns are all 1 (Vandermonde), so that beside
+/// the identity, which holds p digits for 2^p pixels, it gives 2^q passes all values of the next q
+/// digits. C(r, c) is odd where c is a subset of r (Lucas), which makes the product a sum over
+/// subsets.
 fn pascal(n: u32) -> u32 {
     let n = n ^ (n & 0x5555_5555) << 1;
     let n = n ^ (n & 0x3333_3333) << 2;
@@ -188,8 +200,9 @@ fn pascal(n: u32) -> u32 {
     n ^ n << 16
 }
 
-/// The transpose of Pascal's triangle modulo 2 times the bits of `n`: sums over supersets. The first b rows of this and the first a
-/// of Pascal's triangle are independent over the first a + b columns.
+/// The transpose of Pascal's triangle modulo 2 times the bits of `n`: sums over supersets. The
+/// first b rows of this and the first a of Pascal's triangle are independent over the first a + b
+/// columns.
 fn pascal_transposed(n: u32) -> u32 {
     let n = n ^ (n >> 1) & 0x5555_5555;
     let n = n ^ (n >> 2) & 0x3333_3333;
@@ -290,7 +303,8 @@ mod tests {
         assert_eq!(cells, [1; 64]);
     }
 
-    /// Strata (of 2^(p+q)) hit by the wavelengths of 2^p pixels over 2^q passes, from aligned starts.
+    /// Strata (of 2^(p+q)) hit by the wavelengths of 2^p pixels over 2^q passes, from aligned
+    /// starts.
     fn strata((p, q): (u32, u32), (x0, y0): (u32, u32), n0: u32, half: u32, seed: u64) -> Vec<u32> {
         let (columns, rows) = (1 << p.div_ceil(2), 1 << (p / 2));
         let count = 1 << (p + q);

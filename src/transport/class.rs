@@ -1,9 +1,11 @@
-//! Path classes: `L`, then `S` (specular) or `D` (anything else) for each scattering vertex, then `E`.
+//! Path classes: `L`, then `S` (specular) or `D` (anything else) for each scattering vertex, then
+//! `E`.
 
 use super::density::PathView;
 use std::fmt;
 
-/// The labels of a path's scattering vertices from the light to the sensor; beyond 64 vertices every one is called `D`.
+/// The labels of a path's scattering vertices from the light to the sensor; beyond 64 vertices
+/// every one is called `D`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PathClass {
     length: u32,

@@ -1,8 +1,10 @@
 //! Joining sub-paths: every strategy's contribution and weight, computed together.
 //!
-//! [`at_light`] and [`at_sensor`] hold the strategies that end there (s or t <= 1); here is what all share, and the inner pairs.
+//! [`at_light`] and [`at_sensor`] hold the strategies that end there (s or t <= 1); here is what
+//! all share, and the inner pairs.
 //!
-//! The order of work is from cheap to dear: kernels, weight, roulette on the weighted value, and only then the shadow ray.
+//! The order of work is from cheap to dear: kernels, weight, roulette on the weighted value, and
+//! only then the shadow ray.
 
 mod at_light;
 mod at_photon;
@@ -30,17 +32,19 @@ use glam::DVec3;
 /// Joins the two sub-paths of one sample and collects what they give.
 #[derive(Debug)]
 pub struct Joiner<'a> {
-    /// What the path pair shares.
+    /// Shared state of the path pair.
     pub context: &'a PathContext<'a>,
     /// Which strategies are executed.
     pub strategies: &'a StrategySet<'a>,
     /// At most this many scattering vertices on a path.
     pub max_depth: usize,
-    /// All-specular paths between a delta light and a pinhole are left out: an image of measure zero.
+    /// All-specular paths between a delta light and a pinhole are left out: an image of measure
+    /// zero.
     pub skip_point_images: bool,
     /// Also compute the raw (unweighted) value of each contribution.
     pub with_raw: bool,
-    /// Contributions have their class, and each photon that is merged gives one of its own; else one camera vertex gives one.
+    /// Contributions have their class, and each photon that is merged gives one of its own; else
+    /// one camera vertex gives one.
     pub detailed: bool,
     /// Random numbers of the sample.
     pub sampler: &'a Sampler,
@@ -94,7 +98,8 @@ impl<'a> Joiner<'a> {
         &self.context.scene.lights[id.0 as usize]
     }
 
-    /// Applies the MIS weight, Russian roulette and the visibility test, then records the contribution.
+    /// Applies the MIS weight, Russian roulette and the visibility test, then records the
+    /// contribution.
     fn finish(
         &mut self,
         numerator: &Numerator,
@@ -178,8 +183,8 @@ impl<'a> Joiner<'a> {
         });
     }
 
-    /// The estimate of a technique alone, executed `samples` times, from its numerators `value`, which all lanes share or only
-    /// those of one wavelength.
+    /// The estimate of a technique alone, executed `samples` times, from its numerators `value`,
+    /// which all lanes share or only those of one wavelength.
     fn raw(
         &self,
         value: impl Fn(usize) -> f64,
@@ -214,8 +219,8 @@ impl<'a> Joiner<'a> {
         id.is_some_and(|id| self.light(id).hit_measure() != HitMeasure::Never)
     }
 
-    /// s, t >= 2: light vertex `i` is connected to camera vertex `j`. `with_rough_pair`: also under the two non-specular labels
-    /// (chosen with `pair_probability`).
+    /// s, t >= 2: light vertex `i` is connected to camera vertex `j`. `with_rough_pair`: also under
+    /// the two non-specular labels (chosen with `pair_probability`).
     fn pair(
         &mut self,
         light: &Subpath,
@@ -244,7 +249,8 @@ impl<'a> Joiner<'a> {
             return;
         }
         self.counters.connections_tried += 1;
-        // the labels of one end that are worth trying depend on those of the other; a missed cone ends it early
+        // the labels of one end that are worth trying depend on those of the other; a missed cone
+        // ends it early
         let (mut labels_a, mut labels_b) = (EndLabels::new(), EndLabels::new());
         let specular_b = self.specular_label(camera, j, -w);
         if with_rough_pair || specular_b.is_some() {

@@ -1,4 +1,4 @@
-//! What all paths of a pass share, what one path pair shares, and what is counted on the way.
+//! Shared state of a pass and of a path pair, and counters.
 
 use super::regularize::Cone;
 use crate::bsdf::Interface;
@@ -14,7 +14,8 @@ use glam::DVec3;
 pub struct SharedSample {
     /// Primary wavelength number in [0, 1).
     pub u_wavelength: f64,
-    /// The first so many wavelengths of the set take turns as heroes over the pixels; only paths of one hero are merged.
+    /// The first so many wavelengths of the set take turns as heroes over the pixels; only paths of
+    /// one hero are merged.
     pub heroes: u32,
     /// Fraction of the shutter.
     pub time: f64,
@@ -28,7 +29,7 @@ impl SharedSample {
     }
 }
 
-/// What all paths of a pass share.
+/// Settings shared by all paths of a pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PassSettings {
     /// Global pass index.
@@ -39,7 +40,8 @@ pub struct PassSettings {
     pub merge_radius: Option<f64>,
     /// Wavelength and time for all paths; `None`: each path pair draws its own.
     pub shared: Option<SharedSample>,
-    /// Weighted contributions below this much of Y meet Russian roulette before their shadow ray; 0: none do.
+    /// Weighted contributions below this much of Y meet Russian roulette before their shadow ray;
+    /// 0: none do.
     pub roulette_threshold: f64,
 }
 
@@ -62,8 +64,8 @@ pub struct Counters {
     pub photons_found: u64,
     /// Contributions dropped because they were not finite.
     pub non_finite: u64,
-    /// Surfaces met from a side on which the walk was not: a solid left that was never entered, an interface whose named medium is
-    /// not the one around.
+    /// Surfaces met from a side on which the walk was not: a solid left that was never entered, an
+    /// interface whose named medium is not the one around.
     pub medium_mismatches: u64,
     /// Sub-paths cut because more solids were nested than a stack holds.
     pub nesting_overflows: u64,
@@ -85,7 +87,7 @@ impl Counters {
     }
 }
 
-/// What one path pair shares.
+/// Shared state of one path pair.
 #[derive(Debug)]
 pub struct PathContext<'a> {
     /// The scene.
@@ -118,7 +120,7 @@ impl<'a> PathContext<'a> {
         self.scene.selection.probability(id) * light.direct_density(&self.light_context(), x1, x0)
     }
 
-    /// What lights need to know.
+    /// Context of lights at the time of this path.
     #[must_use]
     pub fn light_context(&self) -> LightContext<'_> {
         self.scene.light_context(self.time)
@@ -150,7 +152,8 @@ impl<'a> PathContext<'a> {
         SampledSpectrum::from_fn(|j| (eta[j] * eta[j]) as f32)
     }
 
-    /// Transmittance of a shadow segment that lies in `region`: 0 if occluded, in between where surfaces cover it partly.
+    /// Transmittance of a shadow segment that lies in `region`: 0 if occluded, in between where
+    /// surfaces cover it partly.
     #[must_use]
     pub fn visibility(&self, ray: &Ray, region: &Region, counters: &mut Counters) -> f64 {
         counters.shadow_rays += 1;
@@ -170,8 +173,8 @@ impl<'a> PathContext<'a> {
         }
     }
 
-    /// The lanes that stay alive when the hero's direction was taken through a dispersive interface: those of exactly its
-    /// wavelength.
+    /// The lanes that stay alive when the hero's direction was taken through a dispersive
+    /// interface: those of exactly its wavelength.
     #[must_use]
     pub fn hero_lanes(&self) -> SampledSpectrum {
         let hero = self.wavelengths.lambda_nm(0);

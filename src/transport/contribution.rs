@@ -1,4 +1,4 @@
-//! What a path gives.
+//! Contributions: weighted values of paths and the pixels they land on.
 
 use super::class::PathClass;
 use crate::spectrum::MAX_LANES;
@@ -28,8 +28,9 @@ pub struct Contribution {
     pub t: u32,
     /// Specular vertices at which the strategy joined: 0, 1 or 2.
     pub regularized: u8,
-    /// Made by photon merging: one vertex counts for both sides, s + t is one more than the vertices of the path.
+    /// Made by photon merging: one vertex counts for both sides, s + t is one more than the
+    /// vertices of the path.
     pub merged: bool,
-    /// What happened at each vertex.
+    /// Labels of the vertices; empty where nothing is kept by class.
     pub class: PathClass,
 }

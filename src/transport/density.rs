@@ -1,8 +1,9 @@
 //! Densities of the vertices of a path, as every strategy needs them.
 //!
-//! A path x₀ … x_{n−1} runs from the light to the sensor. `pf_i` is the density of x_i when it is generated from the light side,
-//! `pr_i` when it is generated from the sensor side. The 1/A of specular vertices is left out of both (their label probability q
-//! stands alone), so every density is a finite number and deltas need no flags.
+//! A path x₀ … x_{n−1} runs from the light to the sensor. `pf_i` is the density of x_i when it is
+//! generated from the light side, `pr_i` when it is generated from the sensor side. The 1/A of
+//! specular vertices is left out of both (their label probability q stands alone), so every density
+//! is a finite number and deltas need no flags.
 
 use crate::bsdf::{BsdfEval, Label, LaneDensity};
 use crate::geometry::DirectionalDensity;
@@ -14,20 +15,23 @@ pub type Column = [f64; MAX_LANES];
 /// Marks the absence of a column.
 pub const NO_COLUMN: u32 = u32::MAX;
 
-/// What the weights need of one vertex of a sub-path.
+/// Densities and label of one vertex of a sub-path, as the weights need them.
 #[derive(Clone, Copy, Debug)]
 pub struct VertexDensity {
     /// Hero's density of this vertex as it was generated, from its own side.
     pub own: f64,
-    /// Hero's density had it been generated from the opposite side. Known once two further vertices exist.
+    /// Hero's density had it been generated from the opposite side. Known once two further vertices
+    /// exist.
     pub other: f64,
-    /// Index of the per-lane version of `own` in the sub-path's columns, or [`NO_COLUMN`] where all lanes agree.
+    /// Index of the per-lane version of `own` in the sub-path's columns, or [`NO_COLUMN`] where all
+    /// lanes agree.
     pub own_column: u32,
     /// The same for `other`.
     pub other_column: u32,
-    /// Distance to the vertex generated before; infinite from a light at infinity. f32 suffices: only compared.
+    /// Distance to the vertex generated before; infinite from a light at infinity. f32 suffices:
+    /// only compared.
     pub length: f32,
-    /// What was drawn here (end points: non-specular).
+    /// Label drawn here (end points: non-specular).
     pub label: Label,
     /// A specular transmission whose direction depends on wavelength.
     pub dispersive: bool,
@@ -104,7 +108,8 @@ pub enum Departure {
 }
 
 impl Departure {
-    /// Area density of the next vertex, at distance² `d2`, whose geometric normal makes `cos` with the edge.
+    /// Area density of the next vertex, at distance² `d2`, whose geometric normal makes `cos` with
+    /// the edge.
     #[must_use]
     pub fn area_density(&self, cos: f64, d2: f64) -> EdgeDensity {
         match self {
@@ -125,7 +130,8 @@ impl Departure {
     }
 }
 
-/// The four densities that exist only once two sub-paths are joined, and the labels of the joined vertices.
+/// The four densities that exist only once two sub-paths are joined, and the labels of the joined
+/// vertices.
 #[derive(Clone, Copy, Debug)]
 pub struct Edge {
     /// `pr_{s−1}`: the last light vertex generated from the sensor side.
@@ -175,7 +181,7 @@ pub struct PathView<'a> {
     pub light_columns: &'a [Column],
     /// Columns of the camera sub-path.
     pub camera_columns: &'a [Column],
-    /// What joining adds.
+    /// Densities and labels that only the joint has.
     pub edge: Edge,
     /// Density of x₀ under the direct sampling of strategy s = 1.
     pub direct: f64,

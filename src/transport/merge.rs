@@ -1,12 +1,15 @@
-//! Photon merging in constant time per photon: the terms of all techniques on either side of the merged vertex as prefix sums.
+//! Photon merging in constant time per photon: the terms of all techniques on either side of the
+//! merged vertex as prefix sums.
 //!
-//! Relative to P̃_i pf_i (x_i generated from both sides) a technique on the light side has the factor 1/pf_i, then pr_{i−1}/pf_{i−1},
-//! and so on outward; only pr_{i−1} depends on the sensor side, by the density of direction at x_i. So that side's terms are
-//! `first + pdf · rest` with two numbers known once the light sub-path has arrived at x_i, and likewise on the sensor side. This is
-//! the recursive form of Georgiev et al., "Light Transport Simulation with Vertex Connection and Merging" (2012), with the number of
-//! wavelengths that a technique serves kept apart.
+//! Relative to P̃_i pf_i (x_i generated from both sides) a technique on the light side has the
+//! factor 1/pf_i, then pr_{i−1}/pf_{i−1}, and so on outward; only pr_{i−1} depends on the sensor
+//! side, by the density of direction at x_i. So that side's terms are `first + pdf · rest` with two
+//! numbers known once the light sub-path has arrived at x_i, and likewise on the sensor side. This
+//! is the recursive form of Georgiev et al., "Light Transport Simulation with Vertex Connection and
+//! Merging" (2012), with the number of wavelengths that a technique serves kept apart.
 //!
-//! Invariant: equal to the ratio sum of [`mis`](super::mis), which remains for paths whose densities differ between lanes.
+//! Invariant: equal to the ratio sum of [`mis`](super::mis), which remains for paths whose
+//! densities differ between lanes.
 
 use super::density::VertexDensity;
 use super::mis::plain_multiplier;
@@ -14,15 +17,17 @@ use super::strategies::StrategySet;
 use crate::scene::settings::Heuristic;
 use crate::spectrum::{MAX_LANES, SampledWavelengths};
 
-/// The terms of all techniques on one side of a merged vertex, that of merging itself not among them.
+/// The terms of all techniques on one side of a merged vertex, that of merging itself not among
+/// them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SideTerms {
     /// The strategy that joins at the merged vertex and the one before it on this side.
     pub first: f64,
-    /// Sum of all others per unit of the density of direction at the merged vertex towards this side (per its power, by the
-    /// heuristic).
+    /// Sum of all others per unit of the density of direction at the merged vertex towards this
+    /// side (per its power, by the heuristic).
     pub rest: f64,
-    /// The part of `rest` from techniques that join at every dispersive vertex of this side, so all lanes share it.
+    /// The part of `rest` from techniques that join at every dispersive vertex of this side, so all
+    /// lanes share it.
     pub rest_shared: f64,
     /// Whether all dispersive vertices of this side are end points of the first.
     pub first_shared: bool,
@@ -42,8 +47,9 @@ pub enum MergeSide {
     Sensor,
 }
 
-/// The terms of the side whose vertices `densities` holds, from its end point to the merged vertex, at least two. `factor` turns a
-/// density of direction at the merged vertex into the one of the vertex before it.
+/// The terms of the side whose vertices `densities` holds, from its end point to the merged vertex,
+/// at least two. `factor` turns a density of direction at the merged vertex into the one of the
+/// vertex before it.
 #[must_use]
 pub fn side_terms(
     densities: &[VertexDensity],
@@ -57,7 +63,8 @@ pub fn side_terms(
     let is_specular = |c: usize| inner(c) && densities[c].label.is_specular();
     let is_dispersive = |c: usize| inner(c) && densities[c].dispersive;
     let dispersive = (1..last).filter(|&c| is_dispersive(c)).count();
-    // the strategy with c vertices on this side: it joins vertex c − 1 to vertex c, unless it has none
+    // the strategy with c vertices on this side: it joins vertex c − 1 to vertex c, unless it has
+    // none
     let ends = |c: usize, is: &dyn Fn(usize) -> bool| match c {
         0 => 0,
         _ => usize::from(is(c - 1)) + usize::from(is(c)),
@@ -106,8 +113,9 @@ pub fn side_terms(
     out
 }
 
-/// The factors that turn each lane's `T_L T_C g` into its contribution. `toward_light` and `toward_sensor` are the densities of
-/// direction at the merged vertex, each of the direction it names given the other.
+/// The factors that turn each lane's `T_L T_C g` into its contribution. `toward_light` and
+/// `toward_sensor` are the densities of direction at the merged vertex, each of the direction it
+/// names given the other.
 #[must_use]
 pub fn merge_factors(
     light: &SideTerms,
@@ -154,7 +162,8 @@ pub fn merge_factors(
     factors
 }
 
-/// Whether the sums above hold for all paths: the techniques depend on nothing that only the whole path tells.
+/// Whether the sums above hold for all paths: the techniques depend on nothing that only the whole
+/// path tells.
 #[must_use]
 pub fn is_separable(strategies: &StrategySet) -> bool {
     let whole =

@@ -1,16 +1,18 @@
 //! The terms of all strategies of a path: the one place that knows how strategies are weighted.
 //!
-//! For the executed strategy s the contribution is `T_L T_C g' g' η² G V Tr / Σ_{s'} ρ_{s'} m(s')` with `ρ_{s'} = P̃_{s'}/P̃_s` and
-//! `m(s') = n_{s'} · A^{N_r(s')} · c(s') · [executed]`, N_r the number of specular vertices at the joint. The ratios are walked
-//! outward from the joined edge, dividing only by densities of vertices that were really generated, so nothing is ever divided by
+//! For the executed strategy s the contribution is `T_L T_C g' g' η² G V Tr / Σ_{s'} ρ_{s'} m(s')`
+//! with `ρ_{s'} = P̃_{s'}/P̃_s` and `m(s') = n_{s'} · A^{N_r(s')} · c(s') · [executed]`, N_r the
+//! number of specular vertices at the joint. The ratios are walked outward from the joined edge,
+//! dividing only by densities of vertices that were really generated, so nothing is ever divided by
 //! zero and 1/A is never formed.
 //!
-//! Photon merging at a non-specular x_i adds the term `ρ_i pf_i π r² N_L c`: x_i is generated from both sides (Georgiev et al.,
-//! "Light Transport Simulation with Vertex Connection and Merging", 2012, eq. 10).
+//! Photon merging at a non-specular x_i adds the term `ρ_i pf_i π r² N_L c`: x_i is generated from
+//! both sides (Georgiev et al., "Light Transport Simulation with Vertex Connection and Merging",
+//! 2012, eq. 10).
 //!
-//! The lane multiplicity c(s') counts the wavelengths that could have made the path's lane as their hero: all of them where no
-//! dispersive vertex is scattered at, only those of exactly the same wavelength elsewhere. It splits the sum in two:
-//! `D_j = shared + own_j`.
+//! The lane multiplicity c(s') counts the wavelengths that could have made the path's lane as their
+//! hero: all of them where no dispersive vertex is scattered at, only those of exactly the same
+//! wavelength elsewhere. It splits the sum in two: `D_j = shared + own_j`.
 
 use super::density::PathView;
 use super::strategies::StrategySet;
@@ -24,8 +26,8 @@ pub struct Denominator {
     pub shared: f64,
     /// Terms that only lanes of the same wavelength could have made.
     pub own: [f64; MAX_LANES],
-    /// Factor on the contribution's numerator: the strategy's preference (1 unless regularized strategies are weighted down or
-    /// chosen among), times `m₁(s)` for the power heuristic.
+    /// Factor on the contribution's numerator: the strategy's preference (1 unless regularized
+    /// strategies are weighted down or chosen among), times `m₁(s)` for the power heuristic.
     pub numerator: f64,
 }
 
@@ -41,7 +43,7 @@ impl Denominator {
     }
 }
 
-/// How a path is made.
+/// Technique that makes a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Technique {
     /// x₀ ... x_{s−1} from the light, the others from the sensor.
@@ -63,7 +65,8 @@ enum Admitted {
     Only(usize),
 }
 
-/// Multiplier `m₁(s) = n_s · (A β)^{N_r(s)} · [executed and admitted]` of every technique of a path.
+/// Multiplier `m₁(s) = n_s · (A β)^{N_r(s)} · [executed and admitted]` of every technique of a
+/// path.
 #[derive(Clone, Copy, Debug)]
 pub struct Multipliers<'a> {
     path: &'a PathView<'a>,
@@ -132,7 +135,7 @@ impl<'a> Multipliers<'a> {
         }
     }
 
-    /// What a technique is weighted with besides its density and A: `β^{N_r(s)} · [admitted]`.
+    /// Preference, by which a technique is weighted besides its density and A: `β^{N_r(s)} · [admitted]`.
     #[must_use]
     pub fn preference(&self, technique: Technique) -> f64 {
         let Technique::Join(s) = technique else {
@@ -153,7 +156,8 @@ impl<'a> Multipliers<'a> {
         self.plain(technique) * self.preference(technique)
     }
 
-    /// Whether the path can be made at all by strategy `s`: hitting needs something that can be hit.
+    /// Whether the path can be made at all by strategy `s`: hitting needs something that can be
+    /// hit.
     fn is_possible(&self, s: usize) -> bool {
         (s > 0 || self.path.hittable_light) && self.plain(Technique::Join(s)) > 0.0
     }
@@ -163,7 +167,8 @@ impl<'a> Multipliers<'a> {
         (1..self.path.len() - 1).any(|i| !self.path.is_specular(i))
     }
 
-    /// Whether a strategy without regularized vertices makes the path, or merging: a function of its class alone.
+    /// Whether a strategy without regularized vertices makes the path, or merging: a function of
+    /// its class alone.
     fn has_unregularized(&self) -> bool {
         self.strategies.merge_samples() > 0.0 && self.is_mergeable()
             || (0..=self.path.len()).any(|s| self.regularized(s) == 0 && self.is_possible(s))
@@ -187,7 +192,8 @@ impl<'a> Multipliers<'a> {
     }
 }
 
-/// `n_s · A^{N_r} · [executed]` of strategy `s` of `n` vertices, which joins at N_r = `regularized` specular ones.
+/// `n_s · A^{N_r} · [executed]` of strategy `s` of `n` vertices, which joins at N_r = `regularized`
+/// specular ones.
 #[must_use]
 pub fn plain_multiplier(strategies: &StrategySet, s: usize, n: usize, regularized: i32) -> f64 {
     let samples = strategies.samples(Technique::Join(s), n, regularized > 0);
@@ -199,8 +205,8 @@ pub fn plain_multiplier(strategies: &StrategySet, s: usize, n: usize, regularize
     }
 }
 
-/// Calls `term(technique, ρ m₁)` for every technique that could make the path, in no particular order; the executed strategy has
-/// ρ = 1.
+/// Calls `term(technique, ρ m₁)` for every technique that could make the path, in no particular
+/// order; the executed strategy has ρ = 1.
 pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, f64)) {
     use Technique::{Join, Merge};
     let path = multipliers.path;
@@ -210,7 +216,8 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
     let m = |i: usize| multipliers.of(Join(i));
     term(Join(s), m(s));
 
-    // Direct sampling of x₀ (s' = 1) has a density of its own, which enters where s' = 1 is an end of the walk.
+    // Direct sampling of x₀ (s' = 1) has a density of its own, which enters where s' = 1 is an end
+    // of the walk.
     let pf0 = if s == 1 { path.pf(0) } else { 0.0 };
     let mut rho = 1.0;
     for i in (0..s).rev() {
@@ -263,8 +270,8 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
     }
 }
 
-/// Whether every dispersive vertex of the path is an end point of the technique, so that every lane can serve as its hero. Merging
-/// has no end points.
+/// Whether every dispersive vertex of the path is an end point of the technique, so that every lane
+/// can serve as its hero. Merging has no end points.
 #[must_use]
 pub fn serves_all_lanes(path: &PathView, dispersive: usize, technique: Technique) -> bool {
     if dispersive == 0 {
@@ -300,8 +307,8 @@ pub fn denominator(
     }
 }
 
-/// The same for merging at x_{s−1}, which camera and light sub-path have both generated; the path is seen as by strategy s, at
-/// least 2.
+/// The same for merging at x_{s−1}, which camera and light sub-path have both generated; the path
+/// is seen as by strategy s, at least 2.
 #[must_use]
 pub fn merge_denominator(
     multipliers: &Multipliers,
@@ -356,8 +363,9 @@ fn terms(
     out
 }
 
-/// The terms where densities differ between lanes: lane k's chain of ratios cannot be walked, because its density may be 0
-/// where the hero's is not, so everything is divided by what was really generated (prefix and suffix products).
+/// The terms where densities differ between lanes: lane k's chain of ratios cannot be walked,
+/// because its density may be 0 where the hero's is not, so everything is divided by what was
+/// really generated (prefix and suffix products).
 fn add_columns(
     multipliers: &Multipliers,
     wavelengths: &SampledWavelengths,

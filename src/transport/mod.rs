@@ -1,7 +1,8 @@
 //! The path core: one walk, one connection, one weight, shared by every integrator.
 //!
-//! Read in this order: [`density`] (what a vertex knows of its densities), [`mis`] (the terms of all strategies of a path), [`walk`]
-//! (sub-paths), [`connect`] (joining them). `README.md` beside this file lists the rules that only appear when effects combine.
+//! Read in this order: [`density`] (what a vertex knows of its densities), [`mis`] (the terms of
+//! all strategies of a path), [`walk`] (sub-paths), [`connect`] (joining them). `README.md` beside
+//! this file lists the rules that only appear when effects combine.
 
 pub mod class;
 pub mod connect;

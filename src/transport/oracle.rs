@@ -1,4 +1,5 @@
-//! The weights by definition: every strategy's density as a plain product, nothing shared, nothing cancelled. Slow; checks `mis.rs`.
+//! The weights by definition: every strategy's density as a plain product, nothing shared, nothing
+//! cancelled. Slow; checks `mis.rs`.
 
 use super::density::{Column, Edge, EdgeDensity, NO_COLUMN, PathView, VertexDensity};
 use super::merge::{MergeSide, is_separable, merge_factors, side_terms};
@@ -375,7 +376,8 @@ fn denominator_by_definition(
     sum
 }
 
-/// The largest relative error of the constant-time sums for merging at x_i against the walk over the whole path.
+/// The largest relative error of the constant-time sums for merging at x_i against the walk over
+/// the whole path.
 fn merge_error(
     path: &FullPath,
     strategies: &StrategySet,
@@ -532,7 +534,8 @@ fn lane_columns_equal_their_definition() {
 
 #[test]
 fn a_planted_error_is_seen() {
-    // the check itself must be able to fail: here the strategy of largest weight counts 2 % too high
+    // the check itself must be able to fail: here the strategy of largest weight counts 2 % too
+    // high
     let mut random = Random { key: 4, counter: 0 };
     let mut path = random_path(&mut random, 5, false, 0.0);
     path.specular.fill(false);

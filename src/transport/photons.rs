@@ -1,10 +1,11 @@
 //! The vertices of all light sub-paths of a pass, as merging needs them, in a hash grid.
 //!
-//! A vertex takes 10 words of 4 bytes and one per lane: its position, apart so that a search reads little else, and a record of
-//! direction, the three sums of [`SideTerms`], what names it, and weight. Whatever else a slow sum may need is found by tracing the
-//! sub-path again.
+//! A vertex takes 10 words of 4 bytes and one per lane: its position, apart so that a search reads
+//! little else, and a record of direction, the three sums of [`SideTerms`], what names it, and
+//! weight. Whatever else a slow sum may need is found by tracing the sub-path again.
 //!
-//! Invariant: a function of the sub-paths and the order in which they were added, not of the threads that traced them.
+//! Invariant: a function of the sub-paths and the order in which they were added, not of the
+//! threads that traced them.
 
 use super::class::PathClass;
 use super::connect::Receiver;
@@ -19,10 +20,12 @@ use glam::DVec3;
 const PATH_BITS: u32 = 28;
 /// Bits of the depth; deeper vertices are not stored.
 const DEPTH_BITS: u32 = 10;
-/// Labels kept for the class of a path; those of vertices farther from the light count as non-specular.
+/// Labels kept for the class of a path; those of vertices farther from the light count as
+/// non-specular.
 const LABEL_BITS: u32 = 23;
 
-/// Identity and flags of a stored vertex, packed into 64 bits from the low end in the order of the fields.
+/// Identity and flags of a stored vertex, packed into 64 bits from the low end in the order of the
+/// fields.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Info {
     /// Number of the sub-path.
@@ -80,8 +83,8 @@ const HEAD: usize = 7;
 /// The record of a stored vertex of a light sub-path.
 #[derive(Clone, Copy, Debug)]
 pub struct Photon<'a> {
-    /// Unit direction towards the previous vertex on the unfolded octahedron; the three sums; sub-path, depth, labels and flags from
-    /// the low end.
+    /// Unit direction towards the previous vertex on the unfolded octahedron; the three sums;
+    /// sub-path, depth, labels and flags from the low end.
     head: &'a [u32; HEAD],
     weight: &'a [u32],
 }
@@ -107,7 +110,7 @@ impl<'a> Photon<'a> {
         Info::unpack(u64::from(self.head[5]) | u64::from(self.head[6]) << 32)
     }
 
-    /// Its weight, per lane.
+    /// Weight per lane.
     pub fn weight(&self) -> impl Iterator<Item = f32> + 'a {
         self.weight.iter().map(|&bits| f32::from_bits(bits))
     }
@@ -309,8 +312,9 @@ const BLOCK_BITS: u32 = 2;
 /// Cells of a block.
 const BLOCK: usize = 1 << (3 * BLOCK_BITS);
 
-/// All stored vertices of a pass, by the cells of a grid. The grid is cut into blocks of 4 x 4 x 4 cells; a hash finds the place of a
-/// block, so that neighbors in space are mostly neighbors in memory.
+/// All stored vertices of a pass, by the cells of a grid. The grid is cut into blocks of 4 x 4 x 4
+/// cells; a hash finds the place of a block, so that neighbors in space are mostly neighbors in
+/// memory.
 #[derive(Debug)]
 pub struct PhotonMap {
     photons: PhotonBuffer,
@@ -323,8 +327,8 @@ pub struct PhotonMap {
 }
 
 impl PhotonMap {
-    /// Sorts stored vertices into a grid of cells 2 `radius` wide; `lanes` wavelengths per photon. Takes no memory beyond what is
-    /// held after it. `None` beyond 2^32 - 1 photons.
+    /// Sorts stored vertices into a grid of cells 2 `radius` wide; `lanes` wavelengths per photon.
+    /// Takes no memory beyond what is held after it. `None` beyond 2^32 - 1 photons.
     #[must_use]
     pub fn build(
         mut buffer: PhotonBuffer,
@@ -396,7 +400,8 @@ impl PhotonMap {
         self.bucket(self.cell(self.offset(i)))
     }
 
-    /// The place of a cell: that of its block, and one in it. Blocks that share a place are unlikely to have it for like cells.
+    /// The place of a cell: that of its block, and one in it. Blocks that share a place are
+    /// unlikely to have it for like cells.
     fn bucket(&self, cell: [i64; 3]) -> usize {
         let [x, y, z] = cell.map(|v| (v >> BLOCK_BITS) as u64);
         let mixed = x.wrapping_mul(0x9e37_79b9_7f4a_7c15)
@@ -430,7 +435,8 @@ impl PhotonMap {
             as u64
     }
 
-    /// Calls `f` for every photon nearer to `p` than the radius, in an order that is always the same.
+    /// Calls `f` for every photon nearer to `p` than the radius, in an order that is always the
+    /// same.
     pub fn for_each_near(&self, p: DVec3, mut f: impl FnMut(&Photon)) {
         let offset = p - self.center;
         let [x, y, z] = self.cell(offset - self.radius);

@@ -1,12 +1,15 @@
-//! Directional regularization: the cone that stands in for a specular delta where a path is joined, and the kernel inside it.
+//! Directional regularization: the cone that stands in for a specular delta where a path is joined,
+//! and the kernel inside it.
 //!
-//! Bouchard, Iehl, Ostromoukhov and Poulin, "Improving Robustness of Monte-Carlo Global Illumination with Directional
-//! Regularization" (2013), eq. 4: at a connection the delta of a mirror or smooth dielectric is replaced by 1/A within a cone of
-//! half-aperture ε. Kernels here come without their 1/A, which the weights carry (`mis`), so it is never formed.
+//! Bouchard, Iehl, Ostromoukhov and Poulin, "Improving Robustness of Monte-Carlo Global
+//! Illumination with Directional Regularization" (2013), eq. 4: at a connection the delta of a
+//! mirror or smooth dielectric is replaced by 1/A within a cone of half-aperture ε. Kernels here
+//! come without their 1/A, which the weights carry (`mis`), so it is never formed.
 //!
-//! Invariant: the kernel is one symmetric function of the two directions, whichever sub-path asks. The cone lives in the denser
-//! medium (refraction from the rarer one always exists) and the cosine is the mean of both sides of the cone, so that the albedo
-//! never exceeds that of the surface, not even at grazing.
+//! Invariant: the kernel is one symmetric function of the two directions, whichever sub-path asks.
+//! The cone lives in the denser medium (refraction from the rarer one always exists) and the cosine
+//! is the mean of both sides of the cone, so that the albedo never exceeds that of the surface, not
+//! even at grazing.
 
 use crate::bsdf::{Bsdf, Label, Lobe, fresnel};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
@@ -17,7 +20,7 @@ use glam::DVec3;
 pub struct Cone {
     /// Half-aperture in radians, measured in the denser medium.
     pub epsilon: f64,
-    /// Its solid angle A in steradians.
+    /// Solid angle A in steradians.
     pub area: f64,
     /// Square of the chord between its axis and its rim, on the unit sphere.
     chord_squared: f64,
@@ -36,15 +39,16 @@ impl Cone {
         }
     }
 
-    /// Whether two unit directions are within ε of each other. By the chord: a cosine near 1 has no digits left.
+    /// Whether two unit directions are within ε of each other. By the chord: a cosine near 1 has no
+    /// digits left.
     #[must_use]
     pub fn contains(&self, axis: DVec3, w: DVec3) -> bool {
         axis.distance_squared(w) < self.chord_squared
     }
 }
 
-/// Half-aperture of pass `index` = 0, 1, ...: max(ε_min, ε₁ (index + 1)^(−1/6)), for which squared bias and variance of one
-/// regularized vertex fall alike (both as n^(−2/3)).
+/// Half-aperture of pass `index` = 0, 1, ...: max(ε_min, ε₁ (index + 1)^(−1/6)), for which squared
+/// bias and variance of one regularized vertex fall alike (both as n^(−2/3)).
 #[must_use]
 pub fn scheduled_epsilon(epsilon_first: f64, epsilon_min: f64, index: u32) -> f64 {
     let shrunk = epsilon_first * (f64::from(index) + 1.0).powf(-1.0 / 6.0);
@@ -62,8 +66,8 @@ pub struct SpecularKernel {
     pub dispersive: bool,
 }
 
-/// The kernel of the specular label between local unit directions ω⁻ and ω⁺ (z = shading normal), `None` outside the cones of all
-/// lanes or where there is no such label.
+/// The kernel of the specular label between local unit directions ω⁻ and ω⁺ (z = shading normal),
+/// `None` outside the cones of all lanes or where there is no such label.
 #[must_use]
 pub fn specular_kernel(
     bsdf: &Bsdf,
@@ -149,7 +153,8 @@ fn transmitted(
         let first = inside[0];
         inside[1..interface.count].fill(first);
     }
-    // transmittance at the rarer side's angle; the rarer side differs between lanes only where dispersion curves cross
+    // transmittance at the rarer side's angle; the rarer side differs between lanes only where
+    // dispersion curves cross
     let transmittance = |rare_above: bool| {
         inside[..interface.count]
             .iter()
@@ -239,7 +244,8 @@ mod tests {
         )
     }
 
-    /// ∫ g η² |cos| dω over one side of all directions near `axis`, in units of 1: what one given direction loses to there.
+    /// ∫ g η² |cos| dω over one side of all directions near `axis`, in units of 1: what one given
+    /// direction loses to there.
     fn albedo(bsdf: &Bsdf, given: DVec3, axis: DVec3, wide: f64, cone: &Cone) -> f64 {
         let frame = Frame::from_z(axis);
         let one_minus_cos = 1.0 - wide.cos();

@@ -17,7 +17,8 @@ pub enum MergeRule {
 /// Photon merging.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Merge {
-    /// π r² N_L, with N_L light sub-paths among whose photons a camera sub-path gathers; 0 in a pass without photons.
+    /// π r² N_L, with N_L light sub-paths among whose photons a camera sub-path gathers; 0 in a
+    /// pass without photons.
     pub samples: f64,
     /// Where.
     pub rule: MergeRule,
@@ -38,7 +39,8 @@ pub struct StrategySet<'a> {
     pub splats: bool,
     /// t = 0: light sub-paths hit a detector.
     pub arrivals: bool,
-    /// s, t >= 2: probability with which a pair of non-specular ends is tried; 0: never, those with a specular end neither.
+    /// s, t >= 2: probability with which a pair of non-specular ends is tried; 0: never, those with
+    /// a specular end neither.
     pub pairs: f64,
     /// Photon merging; `None`: never.
     pub merge: Option<Merge>,
@@ -50,7 +52,8 @@ pub struct StrategySet<'a> {
     pub hittable_sensor: bool,
     /// The regularization cone; `None`: specular vertices are not connectible.
     pub cone: Option<Cone>,
-    /// Regularized strategies make only paths that no other makes, by this rule; `None`: they share all paths.
+    /// Regularized strategies make only paths that no other makes, by this rule; `None`: they share
+    /// all paths.
     pub single: Option<SingleRule>,
     /// β per regularized vertex on the weight, for paths that also have unbiased strategies.
     pub bias_weight: f64,
@@ -71,7 +74,8 @@ impl StrategySet<'_> {
         self.splats || self.pairs > 0.0 || self.arrivals && self.hittable_sensor
     }
 
-    /// Whether camera sub-paths end at their first non-specular vertex: all that goes on from there is merged.
+    /// Whether camera sub-paths end at their first non-specular vertex: all that goes on from there
+    /// is merged.
     #[must_use]
     pub fn ends_at_first_rough(&self) -> bool {
         self.merge
@@ -97,11 +101,13 @@ impl StrategySet<'_> {
             .is_some_and(|m| m.rule == MergeRule::FirstFromSensor)
     }
 
-    /// Expected number of times a technique is executed per pixel and pass for a path of `n` vertices that it joins at specular
-    /// vertices or not (`regularized`): 0 if never. For merging times π r².
+    /// Expected number of times a technique is executed per pixel and pass for a path of `n`
+    /// vertices that it joins at specular vertices or not (`regularized`): 0 if never. For merging
+    /// times π r².
     ///
-    /// Strategy (1, 1) is a direct connection from the sensor to a light where the sensor is a detector; image cameras splat
-    /// the start of a light sub-path. Pairs with a specular end are always tried, since their cones reject nearly all of them.
+    /// Strategy (1, 1) is a direct connection from the sensor to a light where the sensor is a
+    /// detector; image cameras splat the start of a light sub-path. Pairs with a specular end are
+    /// always tried, since their cones reject nearly all of them.
     #[must_use]
     #[inline]
     pub fn samples(&self, technique: Technique, n: usize, regularized: bool) -> f64 {

@@ -73,13 +73,15 @@ impl Vertex {
         &self.regions[usize::from(self.ng.dot(w) < 0.0)]
     }
 
-    /// Whether the geometric and the shading normal agree about the side of `w`. Where they do not, nothing is scattered.
+    /// Whether the geometric and the shading normal agree about the side of `w`. Where they do not,
+    /// nothing is scattered.
     #[must_use]
     pub fn sides_agree(&self, w: DVec3) -> bool {
         self.ng.dot(w) * self.frame.z.dot(w) > 0.0
     }
 
-    /// `|ω⁻·n_s| / |ω⁻·n_g|`: what interpolated normals put on every vertex, always for the light side's direction.
+    /// `|ω⁻·n_s| / |ω⁻·n_g|`: what interpolated normals put on every vertex, always for the light
+    /// side's direction.
     #[must_use]
     pub fn light_side_correction(&self, w_light: DVec3) -> f64 {
         if self.frame.z == self.ng {
@@ -106,8 +108,8 @@ impl Scatterer<'_> {
             .eval(self.frame.to_local(w_light), self.frame.to_local(w_camera))
     }
 
-    /// The kernel of the specular label that the sides of both directions select, and the probabilities of that label for
-    /// ω⁻ and for ω⁺. `None` outside the cone.
+    /// The kernel of the specular label that the sides of both directions select, and the
+    /// probabilities of that label for ω⁻ and for ω⁺. `None` outside the cone.
     #[must_use]
     pub fn specular(
         &self,
@@ -121,8 +123,8 @@ impl Scatterer<'_> {
         Some((found, directions.map(probability)))
     }
 
-    /// Draws the direction of side `generate` for the `given` one, from the label and two numbers: [`Bsdf::sample`], and
-    /// the direction in world space.
+    /// Draws the direction of side `generate` for the `given` one, from the label and two numbers:
+    /// [`Bsdf::sample`], and the direction in world space.
     #[must_use]
     pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<(BsdfSample, DVec3)> {
         let sample = self.bsdf.sample(self.frame.to_local(given), generate, u)?;
@@ -145,7 +147,7 @@ pub struct LightHit {
 /// A light sub-path's arrival at a detector.
 #[derive(Clone, Debug)]
 pub struct SensorHit {
-    /// How many scattering vertices came before.
+    /// Number of scattering vertices before.
     pub depth: usize,
     /// The point on the detector, as an end point.
     pub x_sensor: EndPoint,
@@ -165,7 +167,8 @@ pub struct SensorHit {
     pub throughput: Throughput,
 }
 
-/// A sub-path's escape from the scene. Its density (per solid angle) is the last one of the sub-path.
+/// A sub-path's escape from the scene. Its density (per solid angle) is the last one of the
+/// sub-path.
 #[derive(Clone, Copy, Debug)]
 pub struct Escape {
     /// Unit direction of travel.
@@ -176,8 +179,8 @@ pub struct Escape {
     pub throughput: Throughput,
 }
 
-/// A sub-path from a light or from the sensor. Vertex i of `vertices` has its densities in `densities[i + 1]`; `densities[0]`
-/// belongs to the end point.
+/// A sub-path from a light or from the sensor. Vertex i of `vertices` has its densities in
+/// `densities[i + 1]`; `densities[0]` belongs to the end point.
 #[derive(Clone, Debug)]
 pub struct Subpath {
     /// Where it starts.
@@ -186,7 +189,8 @@ pub struct Subpath {
     pub region: Region,
     /// The light it starts from (light sub-paths).
     pub light: Option<LightId>,
-    /// Density of that start by direct sampling from the first vertex, known once that is (light sub-paths).
+    /// Density of that start by direct sampling from the first vertex, known once that is (light
+    /// sub-paths).
     pub direct: f64,
     /// Scattering vertices.
     pub vertices: Vec<Vertex>,
@@ -200,7 +204,7 @@ pub struct Subpath {
     pub light_hits: Vec<LightHit>,
     /// Detector hits of a light sub-path.
     pub sensor_hits: Vec<SensorHit>,
-    /// How it left the scene, if it did.
+    /// Escape from the scene, if it left.
     pub escape: Option<Escape>,
 }
 
@@ -247,7 +251,8 @@ impl Subpath {
         self.densities.push(VertexDensity::new(pdf));
     }
 
-    /// Of two things, the one `before` a vertex and the one `after` it on this sub-path, that of the light side first.
+    /// Of two things, the one `before` a vertex and the one `after` it on this sub-path, that of
+    /// the light side first.
     #[must_use]
     pub fn ordered<T>(&self, before: T, after: T) -> (T, T) {
         if self.light.is_some() {
@@ -278,7 +283,8 @@ impl Subpath {
         self.with_column(density.own, density.own_column)
     }
 
-    /// Density of vertex `i` from the other side; it is known once the sub-path has two further vertices.
+    /// Density of vertex `i` from the other side; it is known once the sub-path has two further
+    /// vertices.
     #[must_use]
     pub fn other_density(&self, i: usize) -> EdgeDensity {
         let density = &self.densities[i];
@@ -292,7 +298,8 @@ impl Subpath {
         }
     }
 
-    /// Jacobian from solid angle at vertex `i` to the measure of the vertex before it; `at_end` gives it for the start.
+    /// Jacobian from solid angle at vertex `i` to the measure of the vertex before it; `at_end`
+    /// gives it for the start.
     #[must_use]
     pub fn factor_before(&self, i: usize, at_end: impl FnOnce() -> f64) -> f64 {
         let vertex = &self.vertices[i];

@@ -2,7 +2,8 @@
 
 use crate::spectrum::SampledSpectrum;
 
-/// `scale · lanes`. The scale holds what all lanes share (areas, 1/density), so that the f32 lanes never leave their range.
+/// `scale · lanes`. The scale holds what all lanes share (areas, 1/density), so that the f32 lanes
+/// never leave their range.
 #[derive(Clone, Copy, Debug)]
 pub struct Throughput {
     /// Common factor.

@@ -1,7 +1,8 @@
 //! The random walk: one function for light and camera sub-paths.
 //!
-//! A camera walk generates ω⁻ at each vertex, a light walk ω⁺. In basic radiance the throughput factor is the same for both, but for
-//! interpolated normals, whose correction always belongs to the light side.
+//! A camera walk generates ω⁻ at each vertex, a light walk ω⁺. In basic radiance the throughput
+//! factor is the same for both, but for interpolated normals, whose correction always belongs to
+//! the light side.
 
 use super::context::{Counters, PathContext};
 use super::density::{Departure, EdgeDensity, VertexDensity};
@@ -15,14 +16,15 @@ use crate::sampler::{Draw, Sampler};
 use crate::scene::Scene;
 use glam::DVec3;
 
-/// From how many vertices on a sub-path whose weight does not fall is killed now and then, so that every walk ends.
+/// From how many vertices on a sub-path whose weight does not fall is killed now and then, so that
+/// every walk ends.
 const ENDLESS_AFTER: usize = 64;
 /// Survival there.
 const ENDLESS_SURVIVAL: f64 = 0.95;
 /// Vertices at which roulette is not played yet.
 const ROULETTE_AFTER: usize = 2;
 
-/// How a walk begins.
+/// Start of a walk.
 #[derive(Clone, Debug)]
 pub struct Start {
     /// First ray.
@@ -43,8 +45,8 @@ pub struct Start {
     pub specular_only: bool,
 }
 
-/// Random walk from `start`: appends vertices to the freshly restarted `path`. `end_factor` is the Jacobian from solid angle
-/// at the first vertex to the measure of the start.
+/// Random walk from `start`: appends vertices to the freshly restarted `path`. `end_factor` is the
+/// Jacobian from solid angle at the first vertex to the measure of the start.
 pub fn walk(
     context: &PathContext,
     path: &mut Subpath,
@@ -225,15 +227,17 @@ pub fn walk(
     }
 }
 
-/// Stochastic alpha test: whether a walk goes straight on at a surface that covers only in part, with the probability of what it leaves open,
-/// which is also the factor of the segment. Both cancel in the throughput, and weights leave them out on both sides.
+/// Stochastic alpha test: whether a walk goes straight on at a surface that covers only in part,
+/// with the probability of what it leaves open, which is also the factor of the segment. Both
+/// cancel in the throughput, and weights leave them out on both sides.
 fn passes_through_opening(scene: &Scene, point: &SurfacePoint, u: impl FnOnce() -> f64) -> bool {
     let coverage = scene.coverage(point);
     coverage == 0.0 || coverage < 1.0 && u() >= coverage
 }
 
-/// Probability of going on after vertex `index` with `weight` relative to the start. It may depend on anything, since the weights
-/// of strategies leave it out on both sides. A weight that is not a number ends the walk.
+/// Probability of going on after vertex `index` with `weight` relative to the start. It may depend
+/// on anything, since the weights of strategies leave it out on both sides. A weight that is not a
+/// number ends the walk.
 fn survival(index: usize, weight: f64) -> f64 {
     if index < ROULETTE_AFTER {
         return if weight > 0.0 { 1.0 } else { 0.0 };
@@ -260,14 +264,16 @@ fn next_throughput(
     }
     match generate {
         Side::Light => next,
-        // the correction of the light side's direction, which a light walk arrives from, and the measure of the other
+        // the correction of the light side's direction, which a light walk arrives from, and the
+        // measure of the other
         Side::Camera => next.scaled(
             vertex.light_side_correction(vertex.toward_previous) / vertex.light_side_correction(w),
         ),
     }
 }
 
-/// Once the direction after vertex `index` is known, the vertex before it has its density from the other side.
+/// Once the direction after vertex `index` is known, the vertex before it has its density from the
+/// other side.
 fn finish_previous(
     path: &mut Subpath,
     index: usize,

@@ -1,11 +1,12 @@
-//! Samples take no memory: once the buffers of a thread have grown, walks, connections, weights and merging allocate nothing.
+//! Samples take no memory: once the buffers of a thread have grown, walks, connections, weights and
+//! merging allocate nothing.
 //!
-//! The same samples are run twice, so that the second time every buffer is as large as it will be; the count is exact, not a
-//! matter of speed. Each test counts on its own thread.
+//! The same samples are run twice, so that the second time every buffer is as large as it will be;
+//! the count is exact, not a matter of speed. Each test counts on its own thread.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use abbe::integrator::{Frame, PhotonTracer, Workspace, sample_and_merge, sample_pixel};
+use abbe::integrator::{PhotonTracer, SensorJob, Workspace, sample_and_merge, sample_pixel};
 use abbe::io::scene_file;
 use abbe::scene::settings::IntegratorKind;
 use abbe::scene::{Scene, Settings};
@@ -39,8 +40,8 @@ fn after_warm_up(mut run: impl FnMut()) -> u64 {
 }
 
 /// Calls `sample` for pixels all over the film.
-fn spread(frame: &Frame, mut sample: impl FnMut((u32, u32))) {
-    let film = frame.scene.sensors[frame.sensor].camera.resolution();
+fn spread(job: &SensorJob, mut sample: impl FnMut((u32, u32))) {
+    let film = job.scene.sensors[job.sensor].camera.resolution();
     for i in 0..SAMPLES {
         // steps without a common factor with the size visit many pixels of each row and column
         sample(((i * 7919) % film.width, (i * 104_729) % film.height));
@@ -58,7 +59,7 @@ struct Run {
 fn of_samples(name: &str, overrides: &[(&str, &str)], cone: Option<Cone>, planted: bool) -> Run {
     let (scene, settings) = load(name, overrides, IntegratorKind::Bdpt);
     let crop = scene.sensors[0].whole_film();
-    let frame = Frame::new(&scene, 0, &settings, &crop, false);
+    let job = SensorJob::new(&scene, 0, &settings, &crop, false);
     let pass = PassSettings {
         cone,
         ..PassSettings::default()
@@ -66,8 +67,8 @@ fn of_samples(name: &str, overrides: &[(&str, &str)], cone: Option<Cone>, plante
     let mut workspace = Workspace::default();
     let (mut found, mut with_columns) = (0, 0);
     let allocations = after_warm_up(|| {
-        spread(&frame, |pixel| {
-            sample_pixel(&frame, &pass, pixel, SensorResponse::Xyz, &mut workspace);
+        spread(&job, |pixel| {
+            sample_pixel(&job, &pass, pixel, SensorResponse::Xyz, &mut workspace);
             found += workspace.contributions.len();
             with_columns += usize::from(!workspace.camera_subpath().columns.is_empty());
             if planted {
@@ -116,13 +117,13 @@ fn things_that_move_take_no_memory() {
 fn merging_takes_no_memory() {
     let (scene, settings) = load("bench/torus_glass_cube.toml", &[], IntegratorKind::Vcm);
     let crop = scene.sensors[0].whole_film();
-    let frame = Frame::new(&scene, 0, &settings, &crop, false);
+    let job = SensorJob::new(&scene, 0, &settings, &crop, false);
     let radius = 0.01;
     let pass = PassSettings {
         merge_radius: Some(radius),
         shared: Some(SharedSample {
             u_wavelength: 0.3,
-            heroes: frame.heroes(),
+            heroes: job.heroes(),
             time: 0.0,
         }),
         ..PassSettings::default()
@@ -131,24 +132,15 @@ fn merging_takes_no_memory() {
     let mut buffer = PhotonBuffer::default();
     let traced = after_warm_up(|| {
         buffer.clear();
-        spread(&frame, |pixel| {
-            tracer.trace(&frame, &pass, pixel, &mut buffer)
-        });
+        spread(&job, |pixel| tracer.trace(&job, &pass, pixel, &mut buffer));
     });
     assert_eq!(traced, 0);
-    let photons = PhotonMap::build(buffer, frame.lanes(), scene.center, radius).unwrap();
+    let photons = PhotonMap::build(buffer, job.lanes(), scene.center, radius).unwrap();
     let mut workspace = Workspace::default();
     let count = after_warm_up(|| {
-        spread(&frame, |pixel| {
+        spread(&job, |pixel| {
             let response = SensorResponse::Xyz;
-            sample_and_merge(
-                &frame,
-                &pass,
-                Some(&photons),
-                pixel,
-                response,
-                &mut workspace,
-            );
+            sample_and_merge(&job, &pass, Some(&photons), pixel, response, &mut workspace);
         });
     });
     assert!(workspace.counters.photons_found > 0);

@@ -8,7 +8,7 @@
 
 use super::harness::{Estimate, full_crop, scene, with};
 use abbe::film::{Crop, Film};
-use abbe::integrator::{Frame, Workspace, sample_pixel};
+use abbe::integrator::{SensorJob, Workspace, sample_pixel};
 use abbe::io::part::{Part, PartHeader, PassRange, merge, read, write};
 use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render};
@@ -82,7 +82,7 @@ fn any_order_of_pixels_gives_the_same_bytes() {
     let crop = full_crop(&scene);
     let request = OutputRequest::default();
     let render = Render::new(&scene, 0, &settings, crop, &request);
-    let frame = Frame::new(&scene, 0, &settings, &crop, false);
+    let frame = SensorJob::new(&scene, 0, &settings, &crop, false);
     let film = Film::new(crop, scene.sensors[0].filter, 3);
     let mut workspace = Workspace::default();
     // backwards, the passes too, and splats after the pixel's own sum

@@ -3,7 +3,7 @@
 use super::super::args::CostGroup;
 use super::super::load::Loaded;
 use crate::film::Filter;
-use crate::integrator::Frame;
+use crate::integrator::SensorJob;
 use crate::io::identity::integrator_name;
 use crate::render::{EpsilonChoice, epsilon};
 use crate::scene::Settings;
@@ -66,7 +66,7 @@ impl Variant {
 /// The cones that a scene calls for under the given settings.
 fn cones(loaded: &Loaded, sensor: usize, settings: &Settings) -> EpsilonChoice {
     let whole = loaded.scene.sensors[sensor].whole_film();
-    let frame = Frame::new(&loaded.scene, sensor, settings, &whole, false);
+    let frame = SensorJob::new(&loaded.scene, sensor, settings, &whole, false);
     epsilon::choose(&frame, loaded.response())
 }
 

@@ -1,11 +1,13 @@
-//! The densities of real paths by definition, from nothing but the finished path: its points, normals, bsdfs and labels.
+//! The densities of real paths by definition, from nothing but the finished path: its points,
+//! normals, bsdfs and labels.
 //!
-//! Every path that a strategy makes in scenes with all kinds of vertices is taken apart again; every density that the strategy's
-//! weight used (of its own side, of the other side, of the joining edge, of direct sampling) must be the one computed here.
+//! Every path that a strategy makes in scenes with all kinds of vertices is taken apart again;
+//! every density that the strategy's weight used (of its own side, of the other side, of the
+//! joining edge, of direct sampling) must be the one computed here.
 
 mod cases;
 
-use super::{Frame, Workspace, begin, sample_pixel};
+use super::{SensorJob, Workspace, begin, sample_pixel};
 use crate::bsdf::{Label, Lobe};
 use crate::geometry::{EndPoint, Hit, Ray, SurfaceId};
 use crate::io::scene_file::parse_str;
@@ -39,7 +41,8 @@ struct Finished<'a> {
     light: LightId,
     x0: EndPoint,
     inner: Vec<Inner<'a>>,
-    /// Which of the inner vertices are joined: there a specular label's direction need only be near the exact one.
+    /// Which of the inner vertices are joined: there a specular label's direction need only be near
+    /// the exact one.
     joined: Vec<bool>,
     x_sensor: EndPoint,
 }
@@ -315,7 +318,8 @@ impl<'a> Finished<'a> {
         (pf, pr, direct)
     }
 
-    /// The directions of specular vertices are the ones their labels stand for, and dispersive where the index says so.
+    /// The directions of specular vertices are the ones their labels stand for, and dispersive
+    /// where the index says so.
     fn assert_labels(&self, made: &Recorded) {
         for (i, inner) in self.inner.iter().enumerate() {
             let (vertex, bsdf, label) = (inner.vertex, &inner.scatterer.bsdf, inner.label);
@@ -430,8 +434,8 @@ fn weight_by_definition(
 /// Half-aperture of the cones: wide, so that many paths are joined at specular vertices.
 const EPSILON: f64 = 0.4;
 
-/// Takes apart every path of `passes` passes, half of them with cones; `factor` plants an error in `pr` of x₁. Returns how many there
-/// were of each strategy.
+/// Takes apart every path of `passes` passes, half of them with cones; `factor` plants an error in
+/// `pr` of x₁. Returns how many there were of each strategy.
 fn check(
     name: &str,
     text: &str,
@@ -447,7 +451,7 @@ fn check(
     let scene = Scene::build(loaded.description).unwrap();
     let resolution = scene.sensors[0].camera.resolution();
     let crop = scene.sensors[0].whole_film();
-    let frame = Frame::new(&scene, 0, &settings, &crop, false);
+    let job = SensorJob::new(&scene, 0, &settings, &crop, false);
     let mut workspace = Workspace::default();
     let mut strategies: BTreeMap<(usize, usize), usize> = BTreeMap::new();
     let mut regularized = 0;
@@ -461,9 +465,9 @@ fn check(
             (0..resolution.height).flat_map(|y| (0..resolution.width).map(move |x| (x, y)))
         {
             take();
-            let response = sample_pixel(&frame, &pass, (x, y), SensorResponse::Xyz, &mut workspace);
+            let response = sample_pixel(&job, &pass, (x, y), SensorResponse::Xyz, &mut workspace);
             let mut media = Vec::new();
-            let (_, context) = begin(&frame, &pass, (x, y), SensorResponse::Xyz, &mut media);
+            let (_, context) = begin(&job, &pass, (x, y), SensorResponse::Xyz, &mut media);
             for made in take() {
                 let path = Finished::new(&context, &workspace.light, &workspace.camera, &made);
                 let what = || {

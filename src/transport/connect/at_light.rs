@@ -1,4 +1,5 @@
-//! Strategies that end on a light: camera sub-paths that hit one (s = 0) or are connected to one (s = 1).
+//! Strategies that end on a light: camera sub-paths that hit one (s = 0) or are connected to one (s
+//! = 1).
 
 use super::end::{End, EndStart, Receiver};
 use super::{Candidate, Joiner, Numerator};
@@ -222,7 +223,8 @@ impl Joiner<'_> {
         }
     }
 
-    /// (1, 1) on a detector: its point is connected straight to a light. `weight` is [`CameraSample::weight`].
+    /// (1, 1) on a detector: its point is connected straight to a light. `weight` is
+    /// [`CameraSample::weight`].
     ///
     /// [`CameraSample::weight`]: crate::camera::CameraSample::weight
     pub fn direct_to_detector(&mut self, camera: &Subpath, weight: f64) {

@@ -24,7 +24,7 @@ pub struct Photons<'a> {
     pub retraced: &'a mut Subpath,
 }
 
-/// What camera vertex `j` gathered, of light sub-paths of any length.
+/// Contribution of camera vertex `j` with photons of light sub-paths of any length.
 fn merged(lanes: [f64; MAX_LANES], j: usize) -> Contribution {
     Contribution {
         target: Target::OwnPixel,
@@ -122,8 +122,8 @@ impl Joiner<'_> {
         }
     }
 
-    /// The factors of all lanes by the sum over the whole path: where densities differ between lanes, or techniques depend on more
-    /// than one side tells.
+    /// The factors of all lanes by the sum over the whole path: where densities differ between
+    /// lanes, or techniques depend on more than one side tells.
     fn whole_path_factors(
         &mut self,
         light: &Subpath,
@@ -136,7 +136,8 @@ impl Joiner<'_> {
             return factors;
         }
         let (forward, backward) = EdgeDensity::of(eval);
-        // the merged vertex is the last of the light sub-path, and that before it on the camera sub-path is joined to it
+        // the merged vertex is the last of the light sub-path, and that before it on the camera
+        // sub-path is joined to it
         let behind = &camera.densities[j];
         let edge = Edge {
             light_end: camera.own_density(j + 1),

@@ -1,4 +1,5 @@
-//! Strategies that end on the sensor: light sub-paths that hit it (t = 0) or are connected to it (t = 1).
+//! Strategies that end on the sensor: light sub-paths that hit it (t = 0) or are connected to it (t
+//! = 1).
 
 use super::end::{End, EndStart, Receiver};
 use super::{Candidate, Joiner, Numerator};
@@ -14,7 +15,8 @@ use crate::transport::throughput::Throughput;
 use glam::{DVec2, DVec3};
 
 impl Joiner<'_> {
-    /// Draws a point of the sensor to be joined to `p`; numbers are drawn only where it has more than one.
+    /// Draws a point of the sensor to be joined to `p`; numbers are drawn only where it has more
+    /// than one.
     fn draw_sensor(&self, p: DVec3, draw: Draw, margin: f64) -> Option<SensorConnection> {
         let camera = &self.context.scene.sensors[self.context.sensor].camera;
         let u_lens = if camera.is_delta() {
@@ -66,7 +68,8 @@ impl Joiner<'_> {
         }
     }
 
-    /// (1, 1) of image cameras: the start of the light sub-path, on an area light, is seen directly.
+    /// (1, 1) of image cameras: the start of the light sub-path, on an area light, is seen
+    /// directly.
     pub fn start_to_sensor(&mut self, light: &Subpath, margin: f64) {
         let (Some(id), x0) = (light.light, light.origin) else {
             return;

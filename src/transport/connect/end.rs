@@ -1,8 +1,9 @@
 //! The two ends of a joining edge, and the one function that joins them.
 //!
-//! An end is a vertex of a sub-path, or an end point drawn for this edge. Each is asked the same three things: under which
-//! labels it scatters along the edge and how, the density of direction that it sends along it, and the measure in which it
-//! receives one. The four densities that only the joint knows are products of what one end sends and the other receives.
+//! An end is a vertex of a sub-path, or an end point drawn for this edge. Each is asked the same
+//! three things: under which labels it scatters along the edge and how, the density of direction
+//! that it sends along it, and the measure in which it receives one. The four densities that only
+//! the joint knows are products of what one end sends and the other receives.
 
 use super::{Candidate, Joiner, Numerator};
 use crate::bsdf::Label;
@@ -80,13 +81,15 @@ pub(super) struct EndLabel {
     dispersive: bool,
     /// `g`; `A g` of a specular label; 1 of an end point.
     kernel: SampledSpectrum,
-    /// Density of the direction along the edge, given the one to the vertex before; the label's probability of a specular one.
+    /// Density of the direction along the edge, given the one to the vertex before; the label's
+    /// probability of a specular one.
     across: Departure,
     /// Density of the direction to the vertex before, given the one along the edge.
     behind: EdgeDensity,
 }
 
-/// The labels that an end is tried under: at most the non-specular one and the specular one that the sides select.
+/// The labels that an end is tried under: at most the non-specular one and the specular one that
+/// the sides select.
 pub(super) type EndLabels = ArrayVec<EndLabel, 2>;
 
 /// An end point without a vertex before it: its density, and that of the direction along the edge.
@@ -112,7 +115,7 @@ impl EndStart {
 
 /// An end of a joining edge.
 pub(super) struct End<'p> {
-    /// Its sub-path up to here.
+    /// Densities of the sub-path up to here.
     pub path: &'p [VertexDensity],
     pub columns: &'p [Column],
     pub labels: &'p [EndLabel],
@@ -124,13 +127,15 @@ pub(super) struct End<'p> {
     pub before: f64,
     /// Weight of everything on this side of the edge.
     pub weight: Throughput,
-    /// Cosine of this end in the numerator: geometric on the light side, shading on the sensor side; 1 where the weight has it.
+    /// Cosine of this end in the numerator: geometric on the light side, shading on the sensor
+    /// side; 1 where the weight has it.
     pub cos: f64,
     /// `light_side_correction` of a vertex of a light sub-path, else 1.
     pub correction: f64,
     /// A point drawn from the other end, whose weight holds 1/d² of the edge.
     pub drawn: bool,
-    /// A point on a light: its emission, in which η² of the edge cancels, and the probability of having it.
+    /// A point on a light: its emission, in which η² of the edge cancels, and the probability of
+    /// having it.
     pub emission: Option<(SampledSpectrum, f64)>,
     /// Light side: density of x₀ by direct sampling.
     pub direct: f64,
@@ -164,7 +169,8 @@ impl<'p> End<'p> {
 }
 
 impl Joiner<'_> {
-    /// Jacobian from solid angle at vertex `i` to the measure of the vertex before it, the start of the sub-path included.
+    /// Jacobian from solid angle at vertex `i` to the measure of the vertex before it, the start of
+    /// the sub-path included.
     pub fn before_factor(&self, path: &Subpath, i: usize) -> f64 {
         path.factor_before(i, || {
             let vertex = &path.vertices[i];
@@ -257,8 +263,8 @@ impl Joiner<'_> {
         rough.into_iter().chain(specular).collect()
     }
 
-    /// Joins two ends by an edge of unit direction `w`, from the light to the sensor, and length `distance`, under all their
-    /// labels; under non-specular ones of both only `with_rough_pair`.
+    /// Joins two ends by an edge of unit direction `w`, from the light to the sensor, and length
+    /// `distance`, under all their labels; under non-specular ones of both only `with_rough_pair`.
     pub(super) fn join(
         &mut self,
         light: &End,
@@ -266,7 +272,8 @@ impl Joiner<'_> {
         (w, distance): (DVec3, f64),
         with_rough_pair: bool,
     ) {
-        // a point drawn for the edge may lie at infinity: the ray leaves the end that was there before
+        // a point drawn for the edge may lie at infinity: the ray leaves the end that was there
+        // before
         let (from, to, w) = if light.drawn {
             (camera, light, -w)
         } else {
