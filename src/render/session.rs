@@ -12,7 +12,7 @@ use crate::scene::{Scene, Settings};
 use std::cell::LazyCell;
 use std::collections::BTreeSet;
 use std::ops::{ControlFlow, Range};
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
 /// One past the last pass of a render that no number of passes limits.
@@ -95,6 +95,10 @@ impl View {
         // a poisoned lock means that a render thread has panicked; the sums stay consistent
         self.0.read().unwrap_or_else(PoisonError::into_inner)
     }
+
+    fn write(&self) -> RwLockWriteGuard<'_, Render> {
+        self.0.write().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// The render of one sensor, pass by pass, until it is time to stop.
@@ -142,11 +146,13 @@ impl Session {
                 height,
             });
         }
+        let passes = options.passes.unwrap_or(0..settings.spp);
         let render = Render::new(&scene, index, settings, crop, &options.outputs);
         Ok(Self {
             staging: options.live.then(|| render.empty_outputs()),
             view: View(Arc::new(RwLock::new(render))),
-            passes: options.passes.unwrap_or(0..settings.spp),
+            // a range that ends before it begins is empty
+            passes: passes.start..passes.end.max(passes.start),
             restored: BTreeSet::new(),
             stop: options.stop,
             cancel: options.cancel,
@@ -182,7 +188,7 @@ impl Session {
     /// # Errors
     /// Where the sums are of another film or overflow.
     pub fn restore(&mut self, passes: &[u32], sums: &[i128]) -> Result<(), AddSumsError> {
-        self.change(|render| render.restore(passes, sums))?;
+        self.view.write().restore(passes, sums)?;
         self.restored.extend(passes);
         self.skip_restored();
         Ok(())
@@ -191,7 +197,7 @@ impl Session {
     /// Number of passes that are left, if nothing ends the session before.
     #[must_use]
     pub fn passes_left(&self) -> u64 {
-        let all = u64::from(self.passes.end.saturating_sub(self.passes.start));
+        let all = u64::from(self.passes.end - self.passes.start);
         all - self.restored.range(self.passes.clone()).count() as u64
     }
 
@@ -284,11 +290,6 @@ impl Session {
         }
     }
 
-    fn change<T>(&mut self, change: impl FnOnce(&mut Render) -> T) -> T {
-        let lock = &self.view.0;
-        change(&mut lock.write().unwrap_or_else(PoisonError::into_inner))
-    }
-
     fn skip_restored(&mut self) {
         while !self.passes.is_empty() && self.restored.contains(&self.passes.start) {
             self.passes.start += 1;
@@ -299,8 +300,7 @@ impl Session {
     fn add(&mut self, pass: u32) -> bool {
         let observer = self.observer.as_deref();
         let Some(staging) = &mut self.staging else {
-            let mut render = self.view.0.write().unwrap_or_else(PoisonError::into_inner);
-            render.add_watched(pass, observer);
+            self.view.write().add_watched(pass, observer);
             return true;
         };
         let watch = Watch {
@@ -313,7 +313,7 @@ impl Session {
             return false;
         };
         drop(render);
-        let mut render = self.view.0.write().unwrap_or_else(PoisonError::into_inner);
+        let mut render = self.view.write();
         render.outputs.take(staging);
         render.count(pass, counts);
         true

@@ -279,6 +279,21 @@ fn others_read_whole_passes_while_a_live_session_goes_on() {
 }
 
 #[test]
+fn a_range_without_passes_is_over_at_once() {
+    let (scene, settings) = scene(SCENE);
+    for (start, end) in [(3, 3), (5, 3)] {
+        let options = SessionOptions {
+            passes: Some(start..end),
+            ..SessionOptions::default()
+        };
+        let mut session = Session::new(Arc::clone(&scene), &settings, options).unwrap();
+        assert_eq!(session.passes_left(), 0);
+        assert_eq!(session.run(), StopReason::Passes);
+        assert!(session.render().passes().is_empty());
+    }
+}
+
+#[test]
 fn a_save_is_due_until_it_is_time() {
     let (scene, settings) = scene(SCENE);
     let due = |save_interval| -> Vec<bool> {

@@ -10,7 +10,6 @@ mod cases;
 use super::{SensorJob, Workspace, begin, sample_pixel};
 use crate::bsdf::{Label, Lobe};
 use crate::geometry::{EndPoint, Hit, Ray, SurfaceId};
-use crate::io::scene_file::parse_str;
 use crate::light::{HitMeasure, Light, LightId};
 use crate::scene::{Scene, Settings};
 use crate::spectrum::{MAX_LANES, SensorResponse};
@@ -19,7 +18,6 @@ use crate::transport::subpath::{Scatterer, Vertex};
 use crate::transport::{Cone, PassSettings, PathContext, Subpath};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
-use std::path::Path;
 
 type Column = [f64; MAX_LANES];
 
@@ -438,17 +436,10 @@ const EPSILON: f64 = 0.4;
 /// `pr` of x₁. Returns how many there were of each strategy.
 fn check(
     name: &str,
-    text: &str,
-    folder: &Path,
+    (scene, settings): (Scene, Settings),
     passes: u32,
     planted: f64,
 ) -> BTreeMap<(usize, usize), usize> {
-    let loaded = parse_str(text, folder).unwrap_or_else(|e| panic!("{name}: {e}"));
-    let settings = Settings {
-        pair_probability: 0.5,
-        ..loaded.settings
-    };
-    let scene = Scene::build(loaded.description).unwrap();
     let resolution = scene.sensors[0].camera.resolution();
     let crop = scene.sensors[0].whole_film();
     let job = SensorJob::new(&scene, 0, &settings, &crop, false);

@@ -1,125 +1,200 @@
 //! Scenes with every kind of vertex, light and sensor, for the check of densities.
 
 use super::check;
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use crate::camera::Camera;
+use crate::camera::perspective::ThinLens;
+use crate::geometry::Mesh;
+use crate::light::Light;
+use crate::light::beam::BeamLight;
+use crate::light::directional::DirectionalLight;
+use crate::light::environment::EnvironmentLight;
+use crate::light::point::PointLight;
+use crate::light::spot::SpotLight;
+use crate::material::{LobeSpec, Material, MaterialId};
+use crate::medium::MediumId;
+use crate::scene::builder::look_at;
+use crate::scene::{Scene, SceneBuilder, Settings};
+use crate::spectrum::library::Library;
+use crate::spectrum::{Curve, Emission, Ior};
+use glam::{DAffine3, DMat3, DVec3};
 
 /// A sphere of `n` rings with interpolated normals.
-fn smooth_sphere(n: usize) -> String {
-    let mut obj = String::new();
+fn smooth_sphere(n: usize) -> Mesh {
     let columns = 2 * n;
+    let mut points = Vec::new();
     for ring in 0..=n {
         for column in 0..columns {
             let theta = std::f64::consts::PI * ring as f64 / n as f64;
             let phi = std::f64::consts::TAU * column as f64 / columns as f64;
-            let [x, y, z] = [
+            let point = [
                 theta.sin() * phi.cos(),
                 theta.cos(),
                 theta.sin() * phi.sin(),
             ];
-            writeln!(obj, "v {x} {y} {z}\nvn {x} {y} {z}").unwrap();
+            points.push(point.map(|v| v as f32));
         }
     }
+    let mut triangles = Vec::new();
     for ring in 0..n {
         for column in 0..columns {
             // all corners at a pole are one
             let at = |r: usize, c: usize| {
-                1 + r * columns + if r.is_multiple_of(n) { 0 } else { c % columns }
+                let column = if r.is_multiple_of(n) { 0 } else { c % columns };
+                (r * columns + column) as u32
             };
-            let corners = [
+            let [a, b, c, d] = [
                 at(ring, column),
                 at(ring, column + 1),
                 at(ring + 1, column + 1),
                 at(ring + 1, column),
             ];
-            let face = |a: usize, b: usize, c: usize| format!("f {a}//{a} {b}//{b} {c}//{c}");
             if ring > 0 {
-                writeln!(obj, "{}", face(corners[0], corners[1], corners[2])).unwrap();
+                triangles.push([a, b, c]);
             }
             if ring + 1 < n {
-                writeln!(obj, "{}", face(corners[0], corners[2], corners[3])).unwrap();
+                triangles.push([a, c, d]);
             }
         }
     }
-    obj
+    Mesh::new(&points, Some(points.clone()), None, triangles).unwrap()
 }
 
-const MATERIALS: &str = r#"
-[medium.flint]
-glass = "schott:N-SF11"
-[material.white]
-diffuse = { reflectance = 0.8 }
-[material.coat]
-mix = [{ weight = 0.3, mirror = {} }, { weight = 0.3, conductor = { metal = "Ag", roughness = 0.3 } }, { weight = 0.4, diffuse = { reflectance = 0.7 } }]
-[material.clear]
-dielectric = {}
-[material.frost]
-dielectric = { roughness = 0.3 }
-[material.partly]
-mix = [{ weight = 0.5, dielectric = {} }, { weight = 0.5, dielectric = { roughness = 0.4 } }]
-[material.sheet]
-thin = { ior = 1.5 }
-"#;
-
-const PINHOLE: &str = r#"
-[render]
-max_depth = 6
-[[sensor]]
-resolution = [12, 12]
-perspective = { eye = [0.1, 1, 3.5], target = [0, 0.7, 0], fov_deg = 50 }
-"#;
-
-const LENS: &str = r#"
-[render]
-max_depth = 6
-lanes = 8
-[[sensor]]
-resolution = [12, 12]
-perspective = { eye = [0.1, 1, 3.5], target = [0, 0.7, 0], fov_deg = 50, aperture_radius = 0.2, focus_distance = 3 }
-"#;
-
-const FLOOR: &str = r#"
-[[object]]
-quad = { center = [0, 0, 0], u = [0, 0, 3], v = [3, 0, 0] }
-material = "coat"
-[[object]]
-quad = { center = [0, 1, -1.5], u = [1, 0, 0], v = [0, 1, 0] }
-material = "white"
-"#;
-
-const LAMP: &str = r#"
-[[object]]
-sphere = { center = [1, 2.2, 0.4], radius = 0.4 }
-material = "white"
-emission = 3
-[[object]]
-quad = { center = [-1.2, 1.5, 0], u = [0, 0.4, 0], v = [0, 0, 0.4] }
-emission = 2
-two_sided = true
-"#;
-
-fn balls(material: &str) -> String {
-    format!(
-        r#"
-[[object]]
-sphere = {{ center = [-0.4, 0.6, 0], radius = 0.5 }}
-material = "{material}"
-interior = "flint"
-[[object]]
-quad = {{ center = [0.6, 0.7, 0.6], u = [0.3, 0, 0.1], v = [0, 0.5, 0] }}
-material = "sheet"
-"#
-    )
+fn diffuse(reflectance: f64) -> LobeSpec {
+    LobeSpec::Diffuse {
+        reflectance: reflectance.into(),
+    }
 }
 
-fn scenes() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
+fn interface(alpha: f64) -> LobeSpec {
+    LobeSpec::Dielectric {
+        alpha: [alpha.into(), alpha.into()],
+        reflect_tint: 1.0.into(),
+        transmit_tint: 1.0.into(),
+    }
+}
+
+/// A mirror, rough silver and a diffuse surface in one.
+fn coat() -> Material {
+    let mirror = LobeSpec::Mirror {
+        reflectance: 1.0.into(),
+    };
+    let silver = LobeSpec::Conductor {
+        ior: Library::embedded().ior("Ag").unwrap(),
+        alpha: [0.3.into(), 0.3.into()],
+        tint: 1.0.into(),
+    };
+    Material::mix([(0.3, mirror), (0.3, silver), (0.4, diffuse(0.7))])
+}
+
+fn clear() -> Material {
+    Material::interface(0.0)
+}
+
+fn frost() -> Material {
+    Material::interface(0.3)
+}
+
+/// Smooth and rough.
+fn partly() -> Material {
+    Material::mix([(0.5, interface(0.0)), (0.5, interface(0.4))])
+}
+
+/// A scene in the making, with what its parts are made of.
+struct Parts {
+    scene: SceneBuilder,
+    settings: Settings,
+    flint: MediumId,
+    coat: MaterialId,
+}
+
+impl Parts {
+    /// A floor with a coat, a white wall, a spherical and a two-sided lamp.
+    fn new() -> Self {
+        let mut scene = SceneBuilder::new();
+        let flint = scene.glass("schott:N-SF11").unwrap();
+        let matte = scene.material(Material::diffuse(0.8));
+        let coat = scene.material(coat());
+        scene
+            .quad("floor", [0.0; 3], [0.0, 0.0, 3.0], [3.0, 0.0, 0.0])
+            .of(coat);
+        let wall = [0.0, 1.0, -1.5];
+        scene
+            .quad("wall", wall, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+            .of(matte);
+        scene
+            .sphere("ball lamp", [1.0, 2.2, 0.4], 0.4)
+            .of(matte)
+            .emits(white(3.0));
+        let panel = scene.quad("panel", [-1.2, 1.5, 0.0], [0.0, 0.4, 0.0], [0.0, 0.0, 0.4]);
+        panel.emits(white(2.0));
+        if let Some(area) = &mut panel.emission {
+            area.two_sided = true;
+        }
+        let settings = Settings {
+            max_depth: Some(6),
+            pair_probability: 0.5,
+            ..Settings::default()
+        };
+        Self {
+            scene,
+            settings,
+            flint,
+            coat,
+        }
+    }
+
+    /// A ball of flint with a surface, and a thin sheet.
+    fn balls(mut self, surface: Material) -> Self {
+        let surface = self.scene.material(surface);
+        let sheet = self.scene.material(Material::mix([(
+            1.0,
+            LobeSpec::Thin {
+                ior: Ior::constant(1.5),
+                transmit_tint: 1.0.into(),
+            },
+        )]));
+        self.scene
+            .sphere("ball", [-0.4, 0.6, 0.0], 0.5)
+            .of(surface)
+            .filled_with(self.flint);
+        self.scene
+            .quad("sheet", [0.6, 0.7, 0.6], [0.3, 0.0, 0.1], [0.0, 0.5, 0.0])
+            .of(sheet);
+        self
+    }
+
+    fn light(mut self, light: Light) -> Self {
+        self.scene.light("light", light);
+        self
+    }
+
+    fn built(self) -> (Scene, Settings) {
+        (self.scene.build().unwrap(), self.settings)
+    }
+
+    fn pinhole(mut self) -> (Scene, Settings) {
+        self.scene
+            .pinhole("main", [12; 2], view(), 50_f64.to_radians());
+        self.built()
+    }
+}
+
+fn view() -> DAffine3 {
+    look_at([0.1, 1.0, 3.5], [0.0, 0.7, 0.0], [0.0, 1.0, 0.0])
+}
+
+/// The same power at all wavelengths.
+fn white(value: f64) -> Emission {
+    Emission::from_curve(Curve::Constant(value))
+}
+
+fn sky() -> Light {
+    Light::Environment(EnvironmentLight::uniform(white(0.3)))
 }
 
 #[test]
 fn densities_by_definition_of_clear_glass_before_area_lights() {
-    let text = [PINHOLE, MATERIALS, FLOOR, LAMP, &balls("clear")].concat();
-    let seen = check("clear", &text, &scenes(), 40, 1.0);
+    let seen = check("clear", Parts::new().balls(clear()).pinhole(), 40, 1.0);
     for strategy in [
         (0, 3),
         (1, 1),
@@ -136,68 +211,67 @@ fn densities_by_definition_of_clear_glass_before_area_lights() {
 
 #[test]
 fn densities_by_definition_of_rough_glass_mixtures_and_lens() {
-    for material in ["frost", "partly"] {
-        let text = [LENS, MATERIALS, FLOOR, LAMP, &balls(material)].concat();
-        check(material, &text, &scenes(), 40, 1.0);
+    for (name, material) in [("frost", frost()), ("partly", partly())] {
+        let mut parts = Parts::new().balls(material);
+        parts.settings.lanes = 8;
+        let lens = ThinLens {
+            radius_m: 0.2,
+            focus_distance_m: 3.0,
+        };
+        let fov_y_rad = 50_f64.to_radians();
+        parts
+            .scene
+            .thin_lens("main", [12; 2], view(), fov_y_rad, lens);
+        check(name, parts.built(), 40, 1.0);
     }
 }
 
 #[test]
 fn densities_by_definition_of_every_kind_of_light() {
-    for (name, light) in [
-        (
-            "point",
-            "[[light]]\npoint = { position = [0.5, 2, 1], intensity = 1 }",
-        ),
-        (
-            "spot",
-            "[[light]]\nspot = { position = [0.5, 2, 1], direction = [-0.5, -1, -0.6], outer_deg = 40, inner_deg = 20, intensity = 9 }",
-        ),
+    let position = DVec3::new(0.5, 2.0, 1.0);
+    let aim = DVec3::new(-0.5, -1.0, -0.6);
+    let [outer, inner] = [40_f64, 20.0].map(f64::to_radians);
+    let spot = SpotLight::aimed(position, aim, white(9.0), outer, inner);
+    let along = DVec3::new(-0.5, -0.8, -0.6);
+    let lights = [
+        ("point", Light::Point(PointLight::at(position, white(1.0)))),
+        ("spot", Light::Spot(spot)),
         (
             "directional",
-            "[[light]]\ndirectional = { direction = [-0.5, -1, -0.6], irradiance = 1 }",
+            Light::Directional(DirectionalLight::along(aim, white(1.0))),
         ),
         (
             "beam",
-            "[[light]]\nbeam = { position = [0.5, 2, 1], direction = [-0.5, -0.8, -0.6], radius = 0.4, irradiance = 9 }",
+            Light::Beam(BeamLight::aimed(position, along, white(9.0), 0.4)),
         ),
-        ("environment", "[[light]]\nenvironment = { radiance = 0.3 }"),
-    ] {
-        let text = [PINHOLE, MATERIALS, FLOOR, LAMP, light, &balls("partly")].concat();
-        check(name, &text, &scenes(), 20, 1.0);
+        ("environment", sky()),
+    ];
+    for (name, light) in lights {
+        let parts = Parts::new().balls(partly()).light(light);
+        check(name, parts.pinhole(), 20, 1.0);
     }
 }
 
 #[test]
 fn densities_by_definition_of_parallel_projection() {
-    let view = r#"
-[render]
-max_depth = 6
-[[sensor]]
-resolution = [12, 12]
-orthographic = { eye = [0.1, 1, 3.5], target = [0, 0.7, 0], height = 2.5 }
-"#;
-    let light = "[[light]]\nenvironment = { radiance = 0.3 }";
-    let text = [view, MATERIALS, FLOOR, LAMP, light, &balls("partly")].concat();
-    let seen = check("orthographic", &text, &scenes(), 20, 1.0);
+    let mut parts = Parts::new().balls(partly()).light(sky());
+    parts.scene.orthographic("main", [12; 2], view(), 2.5);
+    let seen = check("orthographic", parts.built(), 20, 1.0);
     assert!(seen.contains_key(&(0, 2)) && seen.contains_key(&(3, 1)));
 }
 
 #[test]
 fn densities_by_definition_at_detectors() {
-    for (name, kind) in [("detector", "false"), ("transparent detector", "true")] {
-        let sensor = format!(
-            r#"
-[render]
-max_depth = 5
-[[sensor]]
-resolution = [8, 8]
-detector = {{ center = [0.2, 0.05, 0.3], u = [0.8, 0, 0], v = [0, 0, -0.8], transparent = {kind} }}
-"#
-        );
-        let light = "[[light]]\nenvironment = { radiance = 0.3 }";
-        let text = [&sensor, MATERIALS, FLOOR, LAMP, light, &balls("partly")].concat();
-        let seen = check(name, &text, &scenes(), 60, 1.0);
+    for (name, transparent) in [("detector", false), ("transparent detector", true)] {
+        let mut parts = Parts::new().balls(partly()).light(sky());
+        parts.settings.max_depth = Some(5);
+        let center = [0.2, 0.05, 0.3];
+        let (u, v) = ([0.8, 0.0, 0.0], [0.0, 0.0, -0.8]);
+        let sensor = parts.scene.detector("main", [8; 2], center, u, v);
+        if let Camera::Detector(detector) = &mut sensor.camera {
+            detector.transparent = transparent;
+        }
+        let seen = check(name, parts.built(), 60, 1.0);
         for strategy in [(0, 2), (1, 1), (2, 0), (4, 0), (3, 1), (2, 2)] {
             assert!(seen.contains_key(&strategy), "{name}: {strategy:?}");
         }
@@ -206,37 +280,30 @@ detector = {{ center = [0.2, 0.05, 0.3], u = [0.8, 0, 0], v = [0, 0, -0.8], tran
 
 #[test]
 fn densities_by_definition_of_interpolated_normals() {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("ball.obj"), smooth_sphere(6)).unwrap();
-    for material in ["frost", "clear", "coat"] {
-        let interior = if material == "coat" {
-            ""
-        } else {
-            "interior = \"flint\""
+    let place = DAffine3::from_mat3_translation(
+        DMat3::from_diagonal(DVec3::splat(0.6)),
+        DVec3::new(0.0, 0.7, 0.0),
+    );
+    for (name, material) in [
+        ("frost", Some(frost())),
+        ("clear", Some(clear())),
+        ("coat", None),
+    ] {
+        let mut parts = Parts::new();
+        let flint = parts.flint;
+        let surface = material.map(|m| parts.scene.material(m));
+        let ball = parts.scene.mesh("ball", smooth_sphere(6), place);
+        match surface {
+            Some(surface) => ball.of(surface).filled_with(flint),
+            None => ball.of(parts.coat),
         };
-        let ball = format!(
-            r#"
-[[object]]
-mesh = {{ obj = "ball.obj" }}
-transform = [{{ scale = 0.6 }}, {{ translate = [0, 0.7, 0] }}]
-material = "{material}"
-{interior}
-"#
-        );
-        let text = [PINHOLE, MATERIALS, FLOOR, LAMP, &ball].concat();
-        check(
-            &format!("interpolated {material}"),
-            &text,
-            folder.path(),
-            40,
-            1.0,
-        );
+        check(&format!("interpolated {name}"), parts.pinhole(), 40, 1.0);
     }
 }
 
 #[test]
 #[should_panic(expected = "by definition")]
 fn a_planted_error_of_a_millionth_is_seen() {
-    let text = [PINHOLE, MATERIALS, FLOOR, LAMP, &balls("clear")].concat();
-    check("planted", &text, &scenes(), 1, 1.0 + 1e-6);
+    let scene = Parts::new().balls(clear()).pinhole();
+    check("planted", scene, 1, 1.0 + 1e-6);
 }
