@@ -170,7 +170,7 @@ fn what_is_not_possible_is_named() {
             |s| {
                 s.clear("foam", Ior::constant(0.5));
             },
-            "medium \"foam\": the refractive index at 360 nm is 0.5 (allowed: finite, at least 1)",
+            "medium \"foam\": n = 0.5 has the refractive index 0.5 at 360 nm (at least 1 is needed)",
         ),
         (
             |s| {
