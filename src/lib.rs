@@ -77,5 +77,7 @@ pub mod render;
 
 pub mod io;
 
+pub mod report;
+
 #[cfg(feature = "cli")]
 pub mod cli;

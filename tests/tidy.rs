@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The modules of each floor, from the ground up.
-const FLOORS: [&[&str]; 10] = [
+const FLOORS: [&[&str]; 11] = [
     &["math"],
     &["spectrum"],
     &["geometry", "texture"],
@@ -20,6 +20,7 @@ const FLOORS: [&[&str]; 10] = [
     &["integrator"],
     &["render"],
     &["io"],
+    &["report"],
     &["cli"],
 ];
 /// The only uses between modules of one floor.

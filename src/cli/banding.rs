@@ -1,76 +1,11 @@
-//! `abbe banding`: what sharing wavelengths and times in a pass does, photon merging beside bidirectional path tracing.
-//!
-//! After figure 6 and table 1 of Bouchard, Iehl, Ostromoukhov and Poulin, "Improving Robustness of Monte-Carlo Global Illumination
-//! with Directional Regularization" (2013). All renders are without regularization and with the box filter, so that the errors of
-//! pixels are independent where paths are.
+//! `abbe banding`: photon merging beside bidirectional path tracing, as a page, a table and a
+//! picture.
 
 use super::args::BandingOptions;
-use super::compare::{bands, bands_json, region};
-use super::html::{escape, png_url};
-use super::load::{self, Loaded};
 use super::{CliError, Outcome, print, threads};
-use crate::film::{Crop, Filter};
 use crate::io::atomic::{check_writable, write_atomic};
-use crate::io::png::preview_bytes;
-use crate::math::banding::Banding;
-use crate::math::image_error::image_error;
-use crate::render::session::NO_LIMIT;
-use crate::render::{Session, SessionOptions, SharedWavelengths};
-use crate::spectrum::xyz::xyz_to_linear_srgb;
-use serde_json::{Value, json};
-use std::fmt::Write as _;
+use crate::report::banding::BandingStudy;
 use std::io::Write as _;
-use std::ops::{ControlFlow, Range};
-use std::sync::Arc;
-
-/// Pixels between the pictures of the comparison.
-const GAP: usize = 4;
-/// The film of the memory table.
-const FULL_HD: u64 = 1920 * 1080;
-/// Light vertices as other programs store them, in bytes, and what the paper's table 1 says of a film of 1920 x 1080.
-const OTHERS: [(&str, u64, f64); 2] = [("LuxRender", 250, 1900e6), ("SmallVCM", 120, 920e6)];
-
-/// One image.
-struct Shot {
-    method: &'static str,
-    passes: usize,
-    /// CPU seconds of all threads.
-    seconds: f64,
-    xyz: Vec<f64>,
-    shared: Option<SharedWavelengths>,
-}
-
-/// A shot and what was measured in it.
-struct Row {
-    shot: Shot,
-    bands: [Banding; 3],
-    rel_mse: f64,
-}
-
-/// What the photons of a film of 1920 x 1080 take.
-struct Memory {
-    bytes_per_vertex: u64,
-    vertices_per_path: f64,
-}
-
-/// What all renders of the comparison have in common.
-struct Study<'a> {
-    options: &'a BandingOptions,
-    /// Keys of the scene file that all of them replace.
-    overrides: Vec<(String, String)>,
-    sensor: usize,
-    crop: Crop,
-    /// Numbers of passes, ascending.
-    passes: Vec<u32>,
-}
-
-/// What was found.
-struct Findings {
-    rows: Vec<Row>,
-    memory: Memory,
-    crop: Crop,
-    passes: Vec<u32>,
-}
 
 /// Runs the command.
 pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
@@ -79,18 +14,26 @@ pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
     for path in [&options.output, &json_path, &picture_path] {
         check_writable(path)?;
     }
+    let study = BandingStudy {
+        scene: options.scene.clone(),
+        overrides: options.overrides.set.clone(),
+        sensor: options.sensor.clone(),
+        passes: options.passes.clone(),
+        reference_passes: options.reference_passes,
+        lines: options.lines.to_lines(),
+    };
     let pool = threads::pool(options.threads)?;
-    let found = pool.install(|| measure(options))?;
-    let (size, png) = picture(&found, options.exposure)
+    let found = pool.install(|| study.run())?;
+    let ((width, height), png) = found
+        .picture(options.exposure)
         .map_err(|e| CliError::file(&picture_path, e.to_string()))?;
     write_atomic(&picture_path, |w| w.write_all(&png))?;
-    let page = page(options, &found, &png);
-    write_atomic(&options.output, |w| w.write_all(page.as_bytes()))?;
-    let value = report_json(&found);
-    write_atomic(&json_path, |w| writeln!(w, "{value:#}"))?;
+    write_atomic(&options.output, |w| {
+        w.write_all(found.page(&png).as_bytes())
+    })?;
+    write_atomic(&json_path, |w| writeln!(w, "{:#}", found.json()))?;
     if !options.quiet {
-        print(&table(&found.rows));
-        let (width, height) = size;
+        print(&found.table());
         print(&format!(
             "{}: table and picture of {width} x {height} pixels, also as {} and {}\n",
             options.output.display(),
@@ -99,304 +42,4 @@ pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
         ));
     }
     Ok(Outcome::Done)
-}
-
-/// Renders everything and measures it.
-fn measure(options: &BandingOptions) -> Result<Findings, CliError> {
-    let study = Study::new(options)?;
-    let (merged, memory) = study.merging("vcm", "hero")?;
-    let (stratified, _) = study.merging("vcm, stratified passes", "stratified")?;
-    let (equal_passes, equal_time) = study.bdpt(&merged)?;
-    // another seed: its errors must not be those of the images
-    let loaded = study.load("bdpt", "hero", 1)?;
-    let mut session = study.session(&loaded, 0..options.reference_passes)?;
-    session.run();
-    let reference = session.render().xyz();
-    let mut rows = Vec::new();
-    let shots = merged
-        .into_iter()
-        .zip(stratified)
-        .zip(equal_passes)
-        .zip(equal_time);
-    for shot in shots.flat_map(|(((a, b), c), d)| [a, b, c, d]) {
-        rows.push(study.row(shot, &reference)?);
-    }
-    Ok(Findings {
-        rows,
-        memory,
-        crop: study.crop,
-        passes: study.passes,
-    })
-}
-
-impl<'o> Study<'o> {
-    /// Finds the sensor; what is wrong with the options is found before anything is rendered.
-    fn new(options: &'o BandingOptions) -> Result<Self, CliError> {
-        let fixed = [("render.regularize", "off"), ("render.filter", "box")];
-        let fixed = fixed.map(|(key, value)| (key.to_owned(), value.to_owned()));
-        let mut overrides: Vec<_> = options.overrides.set.iter().cloned().chain(fixed).collect();
-        let loaded = load::load(&options.scene, &overrides)?;
-        let sensor = loaded.sensor(options.sensor.as_deref())?;
-        let seen_by = &loaded.scene.sensors[sensor];
-        if seen_by.filter != Filter::Box {
-            // it has a filter of its own
-            overrides.push((format!("sensor.{sensor}.filter"), "box".to_owned()));
-        }
-        let crop = seen_by.whole_film();
-        region(&options.lines, (crop.width(), crop.height()))?;
-        let mut passes = options.passes.clone();
-        passes.sort_unstable();
-        passes.dedup();
-        Ok(Self {
-            options,
-            overrides,
-            sensor,
-            crop,
-            passes,
-        })
-    }
-
-    /// The scene as one method renders it; `seed` is added to the scene's.
-    fn load(&self, integrator: &str, sharing: &str, seed: u64) -> Result<Loaded, CliError> {
-        let method = [
-            ("render.integrator", integrator),
-            ("render.sharing", sharing),
-        ];
-        let method = method.map(|(key, value)| (key.to_owned(), value.to_owned()));
-        let overrides: Vec<_> = self.overrides.iter().cloned().chain(method).collect();
-        let mut loaded = load::load(&self.options.scene, &overrides)?;
-        loaded.settings.seed = loaded.settings.seed.wrapping_add(seed);
-        Ok(loaded)
-    }
-
-    fn session(&self, loaded: &Loaded, passes: Range<u32>) -> Result<Session, CliError> {
-        let options = SessionOptions {
-            sensor: self.sensor,
-            passes: Some(passes),
-            ..SessionOptions::default()
-        };
-        let scene = Arc::clone(&loaded.scene);
-        Ok(Session::new(scene, &loaded.settings, options)?)
-    }
-
-    /// Images with merging after each number of passes, ascending.
-    fn merging(
-        &self,
-        method: &'static str,
-        sharing: &str,
-    ) -> Result<(Vec<Shot>, Memory), CliError> {
-        let loaded = self.load("vcm", sharing, 0)?;
-        let last = self.passes.last().copied().unwrap_or(0);
-        let mut session = self.session(&loaded, 0..last)?;
-        let mut shots = Vec::new();
-        session.run_with(|session, progress| {
-            if self.passes.contains(&(progress.passes as u32)) {
-                let render = session.render();
-                shots.push(Shot {
-                    method,
-                    passes: progress.passes as usize,
-                    seconds: progress.time.cpu_seconds(),
-                    xyz: render.xyz(),
-                    shared: render.shared_wavelengths(),
-                });
-            }
-            Ok::<_, CliError>(ControlFlow::Continue(()))
-        })?;
-        let render = session.render();
-        let counters = render.counters();
-        let memory = Memory {
-            bytes_per_vertex: render.bytes_per_photon().unwrap_or(0),
-            vertices_per_path: counters.photons as f64 / counters.paths.max(1) as f64,
-        };
-        Ok((shots, memory))
-    }
-
-    /// Images without merging: after the same passes, and after the same CPU time.
-    fn bdpt(&self, merged: &[Shot]) -> Result<(Vec<Shot>, Vec<Shot>), CliError> {
-        let loaded = self.load("bdpt", "hero", 0)?;
-        let mut session = self.session(&loaded, 0..NO_LIMIT)?;
-        let (mut by_passes, mut by_time) = (Vec::new(), Vec::new());
-        session.run_with(|session, progress| {
-            let seconds = progress.time.cpu_seconds();
-            let shot = |method| Shot {
-                method,
-                passes: progress.passes as usize,
-                seconds,
-                xyz: session.render().xyz(),
-                shared: None,
-            };
-            if self.passes.contains(&(progress.passes as u32)) {
-                by_passes.push(shot("bdpt, as many passes"));
-            }
-            while merged
-                .get(by_time.len())
-                .is_some_and(|m| m.seconds <= seconds)
-            {
-                by_time.push(shot("bdpt, as much time"));
-            }
-            let done = by_passes.len() == self.passes.len() && by_time.len() == merged.len();
-            Ok::<_, CliError>(if done {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            })
-        })?;
-        Ok((by_passes, by_time))
-    }
-
-    fn row(&self, shot: Shot, reference: &[f64]) -> Result<Row, CliError> {
-        let size = (self.crop.width(), self.crop.height());
-        let bands = bands(&shot.xyz, Some(reference), size, &self.options.lines)?;
-        let y = |xyz: &[f64]| -> Vec<f64> { xyz.iter().skip(1).step_by(3).copied().collect() };
-        let error = image_error(&y(&shot.xyz), &y(reference), size.0 as usize);
-        Ok(Row {
-            shot,
-            bands,
-            rel_mse: error.rel_mse,
-        })
-    }
-}
-
-/// The images side by side, one line for each number of passes, as size and PNG.
-fn picture(found: &Findings, exposure_ev: f64) -> std::io::Result<((usize, usize), Vec<u8>)> {
-    const COLUMNS: usize = 4;
-    let Findings { rows, crop, .. } = found;
-    let (w, h) = (crop.width() as usize, crop.height() as usize);
-    let width = COLUMNS * (w + GAP) - GAP;
-    let height = rows.len() / COLUMNS * (h + GAP) - GAP;
-    let mut xyz = vec![1.0; 3 * width * height];
-    for (i, row) in rows.iter().enumerate() {
-        let (left, top) = (i % COLUMNS * (w + GAP), i / COLUMNS * (h + GAP));
-        for (y, line) in row.shot.xyz.chunks(3 * w).enumerate() {
-            let to = 3 * ((top + y) * width + left);
-            xyz[to..to + 3 * w].copy_from_slice(line);
-        }
-    }
-    let png = preview_bytes(
-        (width as u32, height as u32),
-        &xyz,
-        exposure_ev,
-        xyz_to_linear_srgb,
-    )?;
-    Ok(((width, height), png))
-}
-
-fn distinct(shot: &Shot) -> (String, String) {
-    match shot.shared {
-        Some(shared) => (
-            shared.distinct.to_string(),
-            format!("{:.0}", shared.largest_gap_nm),
-        ),
-        None => ("one for each path".to_owned(), "-".to_owned()),
-    }
-}
-
-fn table(rows: &[Row]) -> String {
-    let mut text = format!(
-        "{:<24}{:>7}{:>9}{:>9}{:>9}{:>9}{:>12}{:>8}  wavelengths\n",
-        "", "passes", "s", "F of X", "F of Y", "F of Z", "coherent Y", "relMSE"
-    );
-    for row in rows {
-        let [x, y, z] = &row.bands;
-        _ = writeln!(
-            text,
-            "{:<24}{:>7}{:>9.2}{:>9.2}{:>9.2}{:>9.2}{:>12.4}{:>8.4}  {}",
-            row.shot.method,
-            row.shot.passes,
-            row.shot.seconds,
-            x.f_ratio,
-            y.f_ratio,
-            z.f_ratio,
-            y.coherent_rms,
-            row.rel_mse,
-            distinct(&row.shot).0,
-        );
-    }
-    text
-}
-
-fn report_json(Findings { rows, memory, .. }: &Findings) -> Value {
-    let rows: Vec<Value> = rows
-        .iter()
-        .map(|row| {
-            json!({
-                "method": row.shot.method,
-                "passes": row.shot.passes,
-                "cpu_seconds": row.shot.seconds,
-                "banding": bands_json(&row.bands),
-                "rel_mse": row.rel_mse,
-                "distinct_wavelengths": row.shot.shared.map(|s| s.distinct),
-                "largest_gap_nm": row.shot.shared.map(|s| s.largest_gap_nm),
-            })
-        })
-        .collect();
-    json!({
-        "rows": rows,
-        "memory": {
-            "bytes_per_light_vertex": memory.bytes_per_vertex,
-            "light_vertices_per_path": memory.vertices_per_path,
-            "bytes_at_1920_x_1080": memory.at_full_hd(),
-        },
-    })
-}
-
-impl Memory {
-    fn at_full_hd(&self) -> f64 {
-        self.bytes_per_vertex as f64 * self.vertices_per_path * FULL_HD as f64
-    }
-}
-
-/// The page, which needs no other file.
-fn page(options: &BandingOptions, found: &Findings, png: &[u8]) -> String {
-    let Findings { rows, memory, .. } = found;
-    let name = options
-        .scene
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy();
-    let name = escape(&name);
-    let mut body = String::new();
-    for row in rows {
-        let [x, y, z] = &row.bands;
-        let (count, gap) = distinct(&row.shot);
-        let share = y.participation.unwrap_or(f64::NAN);
-        _ = writeln!(
-            body,
-            "<tr><th>{}</th><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.4}</td><td>{share:.2}</td><td>{:.4}</td><td>{count}</td><td>{gap}</td></tr>",
-            row.shot.method,
-            row.shot.passes,
-            row.shot.seconds,
-            x.f_ratio,
-            y.f_ratio,
-            z.f_ratio,
-            y.coherent_rms,
-            row.rel_mse,
-        );
-    }
-    let mut table1 = String::new();
-    for (program, bytes, total) in OTHERS {
-        _ = writeln!(
-            table1,
-            "<tr><th>{program} (from the paper)</th><td>{bytes}</td><td></td><td>{:.0}</td></tr>",
-            total * 1e-6
-        );
-    }
-    _ = writeln!(
-        table1,
-        "<tr><th>abbe, vcm, this scene</th><td>{}</td><td>{:.2}</td><td>{:.0}</td></tr>\n<tr><th>abbe, bdpt</th><td>0</td><td></td><td>0</td></tr>",
-        memory.bytes_per_vertex,
-        memory.vertices_per_path,
-        memory.at_full_hd() * 1e-6
-    );
-    format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Banding: {name}</title>\n<style>body{{font-family:sans-serif;margin:2em;max-width:1500px}}table{{border-collapse:collapse}}td,th{{padding:.2em .7em;text-align:right;border-bottom:1px solid #ccc}}th{{font-weight:normal;text-align:left}}img{{max-width:100%;image-rendering:pixelated}}</style></head><body>\n<h1>Banding: {name}</h1>\n<p>Where photons are merged, all paths of a pass share wavelengths and time; errors are then the same all along a line of one color. Columns of the picture: vcm; vcm with the wavelengths of successive passes kept apart; bdpt with as many passes; bdpt in as much CPU time. Lines: {passes} passes.</p>\n<img alt=\"comparison\" src=\"{picture}\">\n<h2>Metrics</h2>\n<p>F-ratio: mean square error between lines of one color over that within; 1 for independent errors, above 2 there are bands. Coherent: the errors that whole lines share, relative to the mean. Participation: share of the lines that have their energy. The reference has {reference} passes of bdpt.</p>\n<table><tr><th></th><td>passes</td><td>CPU seconds</td><td>F of X</td><td>F of Y</td><td>F of Z</td><td>coherent, Y</td><td>participation, Y</td><td>relMSE</td><td>wavelengths</td><td>largest gap, nm</td></tr>\n{body}</table>\n<h2>Memory of light vertices at 1920 x 1080</h2>\n<table><tr><th></th><td>bytes per vertex</td><td>vertices per light path</td><td>MB</td></tr>\n{table1}</table>\n</body></html>\n",
-        passes = found
-            .passes
-            .iter()
-            .map(u32::to_string)
-            .collect::<Vec<_>>()
-            .join(", "),
-        picture = png_url(png),
-        reference = options.reference_passes,
-    )
 }

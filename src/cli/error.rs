@@ -3,10 +3,10 @@
 use crate::film::AddSumsError;
 use crate::io::atomic::FileError;
 use crate::io::exr::ExrError;
+use crate::io::loaded::LoadError;
 use crate::io::part::PartError;
-use crate::io::scene_file::SceneFileErrors;
 use crate::render::SessionError;
-use crate::scene::BuildError;
+use crate::report::ReportError;
 use crate::spectrum::LibraryError;
 use std::path::PathBuf;
 
@@ -16,17 +16,12 @@ pub enum CliError {
     /// Options that are legal one by one but not together, or not for this scene.
     #[error("{0}")]
     Usage(String),
-    /// A scene file with problems, one line each.
-    #[error("{0}")]
-    SceneFile(#[from] SceneFileErrors),
-    /// A scene file whose parts are valid but make no scene.
-    #[error("{}: {source}", path.display())]
-    Build {
-        /// The scene file.
-        path: PathBuf,
-        /// What is wrong.
-        source: BuildError,
-    },
+    /// A scene that does not load, or has no such sensor.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// A study that failed.
+    #[error(transparent)]
+    Report(#[from] ReportError),
     /// A file that cannot be read or written.
     #[error("{}: {message}", path.display())]
     File {
@@ -72,6 +67,8 @@ impl CliError {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) => 2,
+            Self::Load(error) => 1 + u8::from(error.is_usage()),
+            Self::Report(error) => 1 + u8::from(error.is_usage()),
             _ => 1,
         }
     }

@@ -1,11 +1,11 @@
 //! `abbe info`: what a scene holds, what it calls for and why.
 
 use super::args::InfoOptions;
-use super::load::{Loaded, load};
 use super::usage::bytes_text;
-use super::{CliError, Outcome, glass, print, stats, summary};
+use super::{CliError, Outcome, glass, print, summary};
 use crate::camera::Camera;
 use crate::geometry::{Shape, Shutter};
+use crate::io::loaded::{Loaded, load};
 use crate::light::Light;
 use crate::render::OutputRequest;
 use crate::render::memory::{film_bytes, geometry_bytes, texture_bytes};
@@ -252,7 +252,7 @@ fn to_json(loaded: &Loaded) -> Value {
         "lights": lights.collect::<Vec<_>>(),
         "motion": motion.collect::<Vec<_>>(),
         "media": media.collect::<Vec<_>>(),
-        "effects": stats::effects_json(&effects(loaded)),
+        "effects": effects(loaded),
         "memory_bytes": { "films": films_bytes(loaded), "meshes": geometry_bytes(scene), "textures": texture_bytes(scene) },
     })
 }

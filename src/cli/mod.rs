@@ -4,20 +4,16 @@
 
 mod args;
 mod banding;
-mod class_tables;
 mod compare;
 mod convert;
 mod cost;
 mod error;
 mod glass;
-mod html;
 mod image_output;
 mod info;
 mod interrupt;
-mod load;
 mod merge;
 mod progress;
-mod readable;
 mod render;
 mod stats;
 mod summary;

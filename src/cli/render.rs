@@ -3,7 +3,6 @@
 use super::args::RenderOptions;
 use super::image_output::{preview_path, write_image};
 use super::interrupt;
-use super::load::{self, Loaded};
 use super::progress::Progress;
 use super::stats::{self, SensorStats};
 use super::usage::bytes_text;
@@ -11,6 +10,7 @@ use super::{CliError, Outcome, print, summary, threads};
 use crate::film::Crop;
 use crate::io::atomic::check_writable;
 use crate::io::layers::{self, Layer};
+use crate::io::loaded::{self, Loaded};
 use crate::io::{image, part};
 use crate::render::clock::cpu_seconds;
 use crate::render::guides::Guide;
@@ -52,7 +52,7 @@ struct Job<'a> {
 /// Runs the command.
 pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
     options.moment.check(&options.scene)?;
-    let loaded = load::load(&options.scene, &options.scene_overrides())?;
+    let loaded = loaded::load(&options.scene, &options.scene_overrides())?;
     let sensors = chosen_sensors(options, &loaded)?;
     let targets: Vec<Targets> = sensors
         .iter()

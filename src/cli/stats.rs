@@ -1,11 +1,11 @@
 //! Statistics as JSON: what was computed, what it cost, and the table of path classes and strategies.
 
 use super::CliError;
-use super::load::Loaded;
 use super::summary::decided;
 use super::usage::peak_memory_bytes;
 use crate::io::atomic::write_atomic;
 use crate::io::identity::{VERSION, integrator_name};
+use crate::io::loaded::Loaded;
 use crate::render::bias::BiasEstimate;
 use crate::render::clock::cpu_seconds;
 use crate::render::forecast::Forecast;
@@ -135,7 +135,7 @@ pub struct SensorStats {
     pub epsilon: Option<EpsilonStats>,
     /// Its photons, if there were any.
     pub merging: Option<MergeStats>,
-    regularization: Value,
+    regularization: Effect,
     table: Vec<Value>,
 }
 
@@ -179,7 +179,7 @@ impl SensorStats {
             rarely_hit: render.table().rarely_hit(FEW_HITS),
             epsilon: EpsilonStats::new(render),
             merging: MergeStats::new(render),
-            regularization: effect_json(&decided(render.regularization())),
+            regularization: decided(render.regularization()),
             table: rows.collect(),
             counters,
         }
@@ -224,10 +224,6 @@ impl SensorStats {
     }
 }
 
-fn effect_json(effect: &Effect) -> Value {
-    json!({ "name": effect.name, "on": effect.on, "reason": effect.reason })
-}
-
 fn forecast_json((target, forecast): (f64, Forecast)) -> Value {
     let (passes, seconds) = match forecast {
         Forecast::Takes { passes, time } => (Some(passes), Some(time.as_secs_f64())),
@@ -243,12 +239,6 @@ fn forecast_json((target, forecast): (f64, Forecast)) -> Value {
 
 fn class_json(class: &ClassShare) -> Value {
     json!({ "class": class.class.to_string(), "hits": class.hits, "share": class.share })
-}
-
-/// Effects and their reasons.
-#[must_use]
-pub fn effects_json(effects: &[Effect]) -> Value {
-    effects.iter().map(effect_json).collect()
 }
 
 /// Writes the statistics of a run.
@@ -268,7 +258,7 @@ pub fn write(
         "seed": loaded.settings.seed,
         "lanes": loaded.settings.lanes,
         "threads": threads,
-        "effects": effects_json(&loaded.scene.effects),
+        "effects": loaded.scene.effects,
         "peak_memory_bytes": peak_memory_bytes(),
         "sensors": sensors.iter().map(SensorStats::json).collect::<Vec<_>>(),
     });

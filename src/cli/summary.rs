@@ -1,11 +1,11 @@
 //! What a render says of itself: effects before, a closing summary after.
 
-use super::readable::{duration, percent};
 use super::stats::{FEW_HITS, SensorStats};
 use super::usage::bytes_text;
 use crate::render::forecast::Forecast;
 use crate::render::{PhotonMemory, RadiusChoice, Render};
-use crate::scene::effects::Effect;
+use crate::report::readable::{duration, percent};
+use crate::scene::effects::{Effect, EffectKind};
 use crate::scene::regularization::Decision;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -21,7 +21,7 @@ pub fn effects(effects: &[Effect]) -> String {
     let line = |e: &Effect| {
         format!(
             "  {:<14} {:<4} {}\n",
-            e.name,
+            e.kind,
             if e.on { "on" } else { "off" },
             e.reason
         )
@@ -33,7 +33,7 @@ pub fn effects(effects: &[Effect]) -> String {
 #[must_use]
 pub fn decided(decision: &Decision) -> Effect {
     Effect {
-        name: "regularization",
+        kind: EffectKind::Regularization,
         on: decision.mode.is_some(),
         reason: decision.to_string(),
     }

@@ -39,7 +39,9 @@ fn heuristic_name(heuristic: Heuristic) -> &'static str {
     }
 }
 
-fn regularize_name(mode: Regularize) -> &'static str {
+/// Name of a mode of regularization.
+#[must_use]
+pub fn regularize_name(mode: Regularize) -> &'static str {
     match mode {
         Regularize::Auto => "auto",
         Regularize::Off => "off",

@@ -10,6 +10,7 @@ pub mod identity;
 pub mod image;
 pub mod image_file;
 pub mod layers;
+pub mod loaded;
 pub mod model;
 pub mod model_file;
 pub mod mtl;

@@ -24,7 +24,7 @@ use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, Medium, MediumStack};
 use crate::spectrum::WavelengthDistribution;
 use crate::texture::Image;
-use effects::Effect;
+use effects::{Effect, EffectKind};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -179,6 +179,12 @@ impl Scene {
         all.sort_by_key(Arc::as_ptr);
         all.dedup_by_key(|image| Arc::as_ptr(image));
         all
+    }
+
+    /// Whether the scene calls for an effect.
+    #[must_use]
+    pub fn has_effect(&self, kind: EffectKind) -> bool {
+        self.effects.iter().any(|e| e.kind == kind && e.on)
     }
 
     /// Index of the sensor called `name`.

@@ -131,6 +131,12 @@ fn help_lists_what_there_is() {
     ] {
         assert!(render.contains(option), "{option}: {render}");
     }
+    let cost = succeed(dir.path(), "cost --help");
+    for option in [
+        "--budget", "--spp", "--seeds", "--vary", "methods", "effects",
+    ] {
+        assert!(cost.contains(option), "{option}: {cost}");
+    }
     assert!(!render.contains("pssmlt"), "{render}");
     assert!(
         succeed(dir.path(), "--version")

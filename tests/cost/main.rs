@@ -49,7 +49,7 @@ quad = { center = [0, 2.5, 0], u = [0, 0, 0.5], v = [0.5, 0, 0] }
 emission = 5.0
 two_sided = true
 "#;
-const COMMAND: &str = "cost scene.toml --budget 0.02s --seeds 2 --probe 8,6 --threads 1 -o report";
+const COMMAND: &str = "cost scene.toml --spp 4 --seeds 2 --probe 8,6 --threads 1 -o report";
 
 struct Report {
     folder: TempDir,
@@ -156,6 +156,42 @@ fn page_and_tables_hold_the_same_numbers() {
     ] {
         assert!(ids.contains(id), "no {id} in {ids:?}");
     }
+}
+
+#[test]
+fn cells_are_counted_in_passes() {
+    let report = &*REPORT;
+    let mut passes: BTreeMap<(&str, &str), Vec<&str>> = BTreeMap::new();
+    for row in &report.rows {
+        let cell = (row["variant"].as_str(), row["seed"].as_str());
+        passes.entry(cell).or_default().push(&row["passes"]);
+    }
+    assert!(passes.len() > 20, "{passes:?}");
+    assert!(passes.values().all(|p| *p == ["2", "4"]), "{passes:?}");
+    // eight times as many
+    assert_eq!(
+        report.json["reference"]["image"],
+        "reference-1000003-32.exr"
+    );
+    assert_eq!(report.json["spp"], 4);
+    assert!(report.json.get("budget_seconds").is_none());
+    assert!(report.page.contains("<dt>passes per cell</dt><dd>4</dd>"));
+}
+
+#[test]
+fn the_data_is_read_as_it_was_written() {
+    let report = &*REPORT;
+    let path = report.folder.path().join("report/cost.json");
+    let read = abbe::report::cost::Report::read(&path).unwrap();
+    assert_eq!(read.extent, abbe::report::cost::Extent::Passes(4));
+    assert_eq!(serde_json::to_value(&read).unwrap(), report.json);
+    assert_eq!(read.csv().lines().count(), report.rows.len() + 1);
+    let wrong = abbe::report::cost::Report::read(&report.folder.path().join("scene.toml"));
+    let message = wrong.unwrap_err().to_string();
+    assert!(
+        message.contains("scene.toml: is not what `abbe cost` writes: "),
+        "{message}"
+    );
 }
 
 #[test]
@@ -276,7 +312,7 @@ fn effects_are_told_with_the_error_of_leaving_them_out() {
 fn finished_cells_are_not_rendered_again() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
-    let command = "cost scene.toml --budget 0.005s --seeds 1 --vary methods --threads 1 -o report";
+    let command = "cost scene.toml --spp 2 --seeds 1 --vary methods --threads 1 -o report";
     let first = succeed(folder.path(), command);
     assert!(!first.contains("as rendered before"), "{first}");
     let csv = || std::fs::read(folder.path().join("report/cost.csv")).unwrap();
@@ -316,6 +352,11 @@ fn wrong_options_are_refused() {
             "unknown sensor \"lens\" (the scene has: camera)",
         ),
         ("--budget 0s", "expected a time above 0"),
+        ("--spp 1", "1 is not in 2..=131072"),
+        (
+            "--spp 2 --budget 1s",
+            "'--spp <N>' cannot be used with '--budget <TIME>'",
+        ),
         ("--seeds 0", "0 is not in 1..=64"),
     ] {
         let output = run(folder, &format!("cost scene.toml {options} -o refused"));
@@ -399,15 +440,17 @@ fn a_browser_shows_and_flips_the_pictures() {
     addEventListener("error", e => log.push("error: " + e.message));
     const shown = () => document.getElementById("shown").textContent;
     const key = k => document.body.dispatchEvent(new KeyboardEvent("keydown", { key: k, bubbles: true }));
-    const wait = () => new Promise(done => setTimeout(done, 150));
+    // as long as it takes: pictures are decoded in the background
+    const until = async test => { while (!test()) await new Promise(done => setTimeout(done, 20)); };
+    const change = async act => { const before = shown(); act(); await until(() => shown() !== before); log.push(shown()); };
     addEventListener("load", async () => {
       const view = document.getElementById("view");
-      await wait(); log.push(shown());
-      view.click(); await wait(); log.push(shown());
-      key("ArrowLeft"); await wait(); log.push(shown());
+      await until(() => view.width === 16); log.push(shown());
+      await change(() => view.click());
+      await change(() => key("ArrowLeft"));
       const small = view.clientWidth;
-      key("+"); key("+"); await wait(); log.push(view.clientWidth / small);
-      key("e"); await wait(); log.push(shown());
+      key("+"); key("+"); await until(() => view.clientWidth === 2 * small); log.push(view.clientWidth / small);
+      await change(() => key("e"));
       log.push(performance.getEntriesByType("resource").filter(r => !r.name.startsWith("data:")).length);
       const out = document.createElement("pre");
       out.id = "log"; out.textContent = JSON.stringify(log);

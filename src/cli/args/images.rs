@@ -4,6 +4,7 @@ use super::Overrides;
 use super::values;
 use crate::film::Crop;
 use crate::math::banding::Axis;
+use crate::report::compare;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -35,6 +36,17 @@ pub struct ColorLines {
     /// Where color (or the moment) changes: along x, along y, or with the distance from the pixel X,Y
     #[arg(long, value_name = "x | y | X,Y", default_value = "x", value_parser = values::axis, allow_negative_numbers = true)]
     pub axis: Axis,
+}
+
+impl ColorLines {
+    /// As studies take it.
+    #[must_use]
+    pub fn to_lines(&self) -> compare::ColorLines {
+        compare::ColorLines {
+            region: self.region,
+            axis: self.axis,
+        }
+    }
 }
 
 /// Options of `abbe banding`.

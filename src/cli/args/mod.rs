@@ -7,9 +7,9 @@ mod reports;
 mod scene;
 mod values;
 
-pub use images::{BandingOptions, ColorLines, CompareOptions, MergeOptions};
+pub use images::{BandingOptions, CompareOptions, MergeOptions};
 pub use overrides::Overrides;
-pub use reports::{CostGroup, CostOptions};
+pub use reports::CostOptions;
 pub use scene::{ConvertOptions, InfoOptions, RenderOptions};
 
 use crate::io::identity::VERSION;

@@ -2,18 +2,20 @@
 
 use super::Overrides;
 use super::values;
+use crate::math::named::Named;
+use crate::report::cost::{Group, MOST_PASSES, REFERENCE_CELLS};
+use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-/// Parts of the matrix of `abbe cost`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum CostGroup {
-    /// Integrators and modes of regularization
-    Methods,
-    /// The scene without one of its effects each
-    Effects,
-    /// Other values of one setting each
-    Settings,
+impl ValueEnum for Group {
+    fn value_variants<'a>() -> &'a [Self] {
+        <Self as Named>::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.as_str()).help(self.help()))
+    }
 }
 
 /// Options of `abbe cost`.
@@ -28,6 +30,9 @@ pub struct CostOptions {
     /// Time for each variant and seed on every thread, such as 10s or 2m (the reference has eight times as much)
     #[arg(long, value_name = "TIME", default_value = "10s", value_parser = values::seconds)]
     pub budget: f64,
+    /// Passes for each variant and seed instead of a time, at least 2: the same on every machine (the reference has eight times as many)
+    #[arg(long, value_name = "N", conflicts_with = "budget", value_parser = clap::value_parser!(u32).range(2..=i64::from(MOST_PASSES / REFERENCE_CELLS)))]
+    pub spp: Option<u32>,
     /// Seeds per variant, for the spread
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub seeds: u32,
@@ -36,7 +41,7 @@ pub struct CostOptions {
     pub output: Option<PathBuf>,
     /// What is varied
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', default_values = ["methods", "effects", "settings"])]
-    pub vary: Vec<CostGroup>,
+    pub vary: Vec<Group>,
     /// Also plots the value of this pixel against time
     #[arg(long, value_name = "X,Y", value_parser = values::pixel)]
     pub probe: Option<[u32; 2]>,

@@ -1,19 +1,19 @@
-//! What was measured, in sentences: each says whether a difference is more than noise.
+//! Findings in sentences: each says whether a difference is more than noise.
 
-use super::super::readable::{duration, percent};
-use super::Outcomes;
+use super::Outcome;
 use super::matrix::BASE;
 use super::measure::{Spread, Summary, TARGETS, TimeTo};
+use crate::report::readable::{duration, percent};
 
 /// Standard errors that a difference must exceed to be more than noise.
 const SIGNIFICANT: f64 = 2.0;
 
 /// When an error is reached.
 #[must_use]
-pub fn time_to(time: &TimeTo) -> String {
+pub fn time_to(time: TimeTo) -> String {
     match time {
-        TimeTo::Measured { cpu_seconds } => duration(*cpu_seconds),
-        TimeTo::Extrapolated { cpu_seconds } => format!("about {}", duration(*cpu_seconds)),
+        TimeTo::Measured { cpu_seconds } => duration(cpu_seconds),
+        TimeTo::Extrapolated { cpu_seconds } => format!("about {}", duration(cpu_seconds)),
         TimeTo::NotClaimed => "not claimed".to_owned(),
         TimeTo::Unsteady => "unsteady".to_owned(),
     }
@@ -64,9 +64,9 @@ pub fn remains(summary: &Summary) -> String {
     }
 }
 
-/// What is said of each variant, against the scene as it is.
+/// Findings on each variant, against the scene as it is.
 #[must_use]
-pub fn sentences(results: &[Outcomes], reference_variance: Option<f64>) -> Vec<String> {
+pub fn sentences(results: &[Outcome], reference_variance: Option<f64>) -> Vec<String> {
     let mut out = vec![match reference_variance {
         Some(v) => format!(
             "The reference has a relative error of {} itself (from its halves); errors below it are not claimed.",
@@ -75,17 +75,17 @@ pub fn sentences(results: &[Outcomes], reference_variance: Option<f64>) -> Vec<S
         None => "The error of the reference is not known: what is measured against it includes it."
             .to_owned(),
     }];
-    let Some(base) = results.iter().find(|r| r.variant.id == BASE) else {
+    let Some(base) = results.iter().find(|r| r.id == BASE) else {
         return out;
     };
     for result in results {
         let s = &result.summary;
-        let mut text = format!("{}: ", result.variant.label);
-        if result.variant.id == BASE {
+        let mut text = format!("{}: ", result.label);
+        if result.id == BASE {
             let targets: Vec<String> = TARGETS
                 .iter()
                 .zip(&s.time_to)
-                .map(|(t, time)| format!("{}: {}", percent(*t), time_to(time)))
+                .map(|(t, time)| format!("{}: {}", percent(*t), time_to(*time)))
                 .collect();
             text += &format!(
                 "relative error {} at the end; CPU time to {}",

@@ -1,16 +1,18 @@
-//! The report: one HTML page with its data, plots and pictures inside. It asks for nothing from anywhere.
+//! The page of a report: HTML with its data, plots and pictures inside. It asks for nothing from
+//! anywhere.
 
-use super::super::CliError;
-use super::super::args::CostGroup;
-use super::super::html::escape;
-use super::super::readable::percent;
+use super::Reference;
+use super::data::{Extent, Group, Outcome, Report};
 use super::matrix::BASE;
-use super::measure::{Measured, Spread, TARGETS};
+use super::measure::{Measured, Spread, TARGETS, by_passes, mean};
 use super::pictures::{self, Picture};
 use super::plot::{Curve, Plot};
 use super::words::{remains, time_to, times};
-use super::{Outcomes, Reference};
-use serde_json::Value;
+use crate::math::named::Named;
+use crate::report::ReportError;
+use crate::report::html::{escape, row};
+use crate::report::readable::percent;
+use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -21,25 +23,25 @@ const TEMPLATE: &str = include_str!("page.html");
 /// # Errors
 /// Where an image cannot be read.
 pub fn page(
-    data: &Value,
+    report: &Report,
     folder: &Path,
     reference: &Reference,
-    results: &[Outcomes],
-    strategies: String,
-) -> Result<String, CliError> {
+    strategies: &str,
+) -> Result<String, ReportError> {
+    let results = &report.variants;
     let pictures = all_pictures(folder, reference, results)?;
-    let title = data["scene"].as_str().unwrap_or_default();
+    let bad = |e: serde_json::Error| ReportError::file(folder, e.to_string());
     let parts = [
-        ("TITLE", escape(title)),
-        ("CARD", card(data)),
-        ("SENTENCES", list(data)),
+        ("TITLE", escape(&report.scene)),
+        ("CARD", card(report)),
+        ("SENTENCES", list(&report.sentences)),
         ("TABLE", table(results)),
         ("SECTIONS", sections(results)),
-        ("STRATEGIES", strategies),
+        ("STRATEGIES", strategies.to_owned()),
         ("BRIGHTEST", pictures::BRIGHTEST.to_string()),
         ("FULL_ERROR", percent(pictures::FULL_ERROR)),
-        ("PICTURES", script(&serde_json::json!(pictures))),
-        ("DATA", script(data)),
+        ("PICTURES", script(&pictures).map_err(bad)?),
+        ("DATA", script(report).map_err(bad)?),
     ];
     let mut page = String::new();
     let mut rest = TEMPLATE;
@@ -57,15 +59,15 @@ pub fn page(
 }
 
 /// JSON that is safe inside a script element.
-fn script(value: &Value) -> String {
-    value.to_string().replace('<', "\\u003c")
+fn script(value: &impl Serialize) -> serde_json::Result<String> {
+    Ok(serde_json::to_string(value)?.replace('<', "\\u003c"))
 }
 
 fn all_pictures(
     folder: &Path,
     reference: &Reference,
-    results: &[Outcomes],
-) -> Result<Vec<Picture>, CliError> {
+    results: &[Outcome],
+) -> Result<Vec<Picture>, ReportError> {
     let exposure = pictures::exposure(reference);
     let first = pictures::picture("reference", "reference", &reference.path, exposure, None)?;
     let mut all: Vec<Picture> = first.into_iter().collect();
@@ -75,7 +77,7 @@ fn all_pictures(
         let Some(last) = result.points.iter().rfind(|p| Some(p.seed) == seed) else {
             continue;
         };
-        let (id, label) = (&result.variant.id, &result.variant.label);
+        let (id, label) = (&result.id, &result.label);
         let path = folder.join(&last.image);
         all.extend(pictures::picture(
             id,
@@ -88,51 +90,45 @@ fn all_pictures(
     Ok(all)
 }
 
-fn card(data: &Value) -> String {
-    let text = |v: &Value| match v {
-        Value::String(s) => s.clone(),
-        Value::Null => "not known".to_owned(),
-        Value::Array(a) if a.is_empty() => "none".to_owned(),
-        Value::Array(a) => a
-            .iter()
-            .map(|v| v.as_str().map_or_else(|| v.to_string(), str::to_owned))
-            .collect::<Vec<_>>()
-            .join(", "),
-        other => other.to_string(),
+fn card(report: &Report) -> String {
+    let list = |items: Vec<String>| match items.is_empty() {
+        true => "none".to_owned(),
+        false => items.join(", "),
     };
-    let on: Vec<Value> = data["effects"].as_array().map_or_else(Vec::new, |effects| {
-        let on = effects.iter().filter(|e| e["on"] == true);
-        on.map(|e| e["name"].clone()).collect()
-    });
-    let effects = Value::Array(on);
+    let on = report.effects.iter().filter(|e| e.on);
+    let replaced = report.overrides.iter();
+    let [width, height] = report.size;
+    let (extent, length) = match report.extent {
+        Extent::Seconds(seconds) => ("seconds per cell", seconds.to_string()),
+        Extent::Passes(passes) => ("passes per cell", passes.to_string()),
+    };
+    let cpu = report.cpu.as_deref().unwrap_or("not known");
     let rows = [
-        ("scene", &data["scene"]),
-        ("hash", &data["scene_hash"]),
-        ("sensor", &data["sensor"]),
-        ("pixels", &data["size"]),
-        ("media", &data["media"]),
-        ("lights", &data["lights"]),
-        ("effects", &effects),
-        ("keys replaced", &data["overrides"]),
-        ("seeds", &data["seeds"]),
-        ("seconds per cell", &data["budget_seconds"]),
-        ("version", &data["version"]),
-        ("processor", &data["cpu"]),
-        ("threads", &data["threads"]),
-        ("reference", &data["reference"]["origin"]),
+        ("scene", report.scene.clone()),
+        ("hash", report.scene_hash.clone()),
+        ("sensor", report.sensor.clone()),
+        ("pixels", format!("{width}, {height}")),
+        ("media", list(report.media.clone())),
+        ("lights", list(report.lights.clone())),
+        ("effects", list(on.map(|e| e.kind.to_string()).collect())),
+        (
+            "keys replaced",
+            list(replaced.map(|(k, v)| format!("{k} = {v}")).collect()),
+        ),
+        ("seeds", report.seeds.to_string()),
+        (extent, length),
+        ("version", report.version.clone()),
+        ("processor", cpu.to_owned()),
+        ("threads", report.threads.to_string()),
+        ("reference", report.reference.origin.clone()),
     ];
-    let row = |(name, value): &(&str, &Value)| {
-        format!("<dt>{name}</dt><dd>{}</dd>", escape(&text(value)))
-    };
+    let row = |(name, value): &(&str, String)| format!("<dt>{name}</dt><dd>{}</dd>", escape(value));
     rows.iter().map(row).collect()
 }
 
-fn list(data: &Value) -> String {
-    let sentences = data["sentences"].as_array().into_iter().flatten();
-    sentences
-        .filter_map(Value::as_str)
-        .map(|s| format!("<li>{}</li>", escape(s)))
-        .collect()
+fn list(sentences: &[String]) -> String {
+    let item = |s: &String| format!("<li>{}</li>", escape(s));
+    sentences.iter().map(item).collect()
 }
 
 /// A table cell with a mean and, where there are several seeds, its standard error.
@@ -143,7 +139,7 @@ fn with_error(v: Spread) -> String {
     }
 }
 
-fn table(results: &[Outcomes]) -> String {
+fn table(results: &[Outcome]) -> String {
     let mut html = "<tr><th>variant</th><th>CPU s per sample</th><th>CPU s to variance 1</th><th>error at the end</th><th>in equal time</th><th>without the worst 0.1 %</th><th>log-RMSE</th><th>bias</th>"
         .to_owned();
     for target in TARGETS {
@@ -152,104 +148,86 @@ fn table(results: &[Outcomes]) -> String {
     html += "</tr>";
     for result in results {
         let s = &result.summary;
-        _ = write!(
-            html,
-            "<tr><th>{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.4}</td><td>{}</td>",
-            escape(&result.variant.label),
+        let cells = [
             with_error(s.pass_seconds),
             with_error(s.unit_variance_seconds),
             percent(s.final_error.mean),
             percent(s.equal_time_error.mean),
             percent(s.trimmed_error.mean),
-            s.log_rmse.mean,
+            format!("{:.4}", s.log_rmse.mean),
             remains(s),
+        ];
+        html += &row(
+            &result.label,
+            cells.into_iter().chain(s.time_to.map(time_to)),
         );
-        for time in &s.time_to {
-            _ = write!(html, "<td>{}</td>", time_to(time));
-        }
-        html += "</tr>";
     }
     html
 }
 
-/// What each effect costs and buys, against the scene as it is.
-fn effects_table(results: &[Outcomes]) -> String {
-    let Some(base) = results.iter().find(|r| r.variant.id == BASE) else {
+/// Cost of each effect, and error of leaving it out, against the scene as it is.
+fn effects_table(results: &[Outcome]) -> String {
+    let Some(base) = results.iter().find(|r| r.id == BASE) else {
         return String::new();
     };
     let mut html = "<div class=\"scroll\"><table id=\"effects\"><tr><th>the scene, but</th><th>time per sample</th><th>time to equal noise</th><th>error in equal time</th><th>error beyond noise</th></tr>"
         .to_owned();
-    let of_effects = |r: &&Outcomes| r.variant.groups.contains(&CostGroup::Effects);
+    let of_effects = |r: &&Outcome| r.groups.contains(&Group::Effects);
     for result in results.iter().filter(of_effects) {
         let (s, b) = (&result.summary, &base.summary);
-        _ = write!(
-            html,
-            "<tr><th>{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            escape(&result.variant.label),
+        let cells = [
             times(s.pass_seconds, b.pass_seconds),
             times(s.unit_variance_seconds, b.unit_variance_seconds),
             times(s.equal_time_error, b.equal_time_error),
             remains(s),
-        );
+        ];
+        html += &row(&result.label, cells);
     }
     html + "</table></div>"
 }
 
 /// A curve over the passes that all seeds have.
 fn curve(
-    result: &Outcomes,
+    result: &Outcome,
     x: impl Fn(&Measured) -> f64,
     y: impl Fn(&Measured) -> Option<f64>,
 ) -> Curve {
-    let seeds = result
-        .points
-        .iter()
-        .map(|p| p.seed)
-        .collect::<std::collections::BTreeSet<_>>();
-    let mut passes: Vec<u32> = result.points.iter().map(|p| p.passes).collect();
-    passes.sort_unstable();
-    passes.dedup();
-    let point = |n: u32| {
-        let here = || result.points.iter().filter(|p| p.passes == n);
-        let values: Vec<f64> = here().filter_map(&y).collect();
-        if values.len() < seeds.len() {
-            return None;
-        }
-        let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
-        let xs: Vec<f64> = here().map(&x).collect();
-        let (low, high) = (
-            values.iter().copied().fold(f64::INFINITY, f64::min),
-            values.iter().copied().fold(0.0, f64::max),
-        );
-        Some([mean(&xs), mean(&values), low, high])
+    let point = |(_, here): (u32, Vec<&Measured>)| {
+        let values: Option<Vec<f64>> = here.iter().map(|p| y(p)).collect();
+        let values = values?;
+        let extreme = |f: fn(f64, f64) -> f64, start| values.iter().copied().fold(start, f);
+        Some([
+            mean(&here, &x),
+            values.iter().sum::<f64>() / values.len() as f64,
+            extreme(f64::min, f64::INFINITY),
+            extreme(f64::max, 0.0),
+        ])
     };
     Curve {
-        id: result.variant.id.clone(),
-        label: result.variant.label.clone(),
-        points: passes.into_iter().filter_map(point).collect(),
+        id: result.id.clone(),
+        label: result.label.clone(),
+        points: by_passes(&result.points)
+            .into_iter()
+            .filter_map(point)
+            .collect(),
     }
 }
 
 /// The groups of variants with their headings.
-const SECTIONS: [(CostGroup, &str, &str); 3] = [
+const SECTIONS: [(Group, &str); 3] = [
+    (Group::Methods, "Methods: error against time and samples"),
     (
-        CostGroup::Methods,
-        "methods",
-        "Methods: error against time and samples",
-    ),
-    (
-        CostGroup::Effects,
-        "effects",
+        Group::Effects,
         "Effects: what each costs, and the error of leaving it out",
     ),
-    (CostGroup::Settings, "settings", "Settings"),
+    (Group::Settings, "Settings"),
 ];
 
 /// The variants of a group, the scene as it is among them; none where there is no other.
-fn chosen(results: &[Outcomes], group: CostGroup) -> Vec<&Outcomes> {
-    let of_group = |r: &&Outcomes| r.variant.groups.is_empty() || r.variant.groups.contains(&group);
-    let chosen: Vec<&Outcomes> = results.iter().filter(of_group).collect();
-    if chosen.iter().all(|r| r.variant.groups.is_empty()) {
+fn chosen(results: &[Outcome], group: Group) -> Vec<&Outcome> {
+    let of_group = |r: &&Outcome| r.groups.is_empty() || r.groups.contains(&group);
+    let chosen: Vec<&Outcome> = results.iter().filter(of_group).collect();
+    if chosen.iter().all(|r| r.groups.is_empty()) {
         return Vec::new();
     }
     chosen
@@ -257,14 +235,14 @@ fn chosen(results: &[Outcomes], group: CostGroup) -> Vec<&Outcomes> {
 
 /// All plots of the report that have points.
 #[must_use]
-pub fn plots(results: &[Outcomes]) -> Vec<Plot> {
+pub fn plots(results: &[Outcome]) -> Vec<Plot> {
     let sections = SECTIONS.iter();
     sections
-        .flat_map(|(group, name, _)| section_plots(&chosen(results, *group), name))
+        .flat_map(|(group, _)| section_plots(&chosen(results, *group), group.as_str()))
         .collect()
 }
 
-fn section_plots(chosen: &[&Outcomes], name: &str) -> Vec<Plot> {
+fn section_plots(chosen: &[&Outcome], name: &str) -> Vec<Plot> {
     const TIME: &str = "CPU time (s)";
     type Value = fn(&Measured) -> Option<f64>;
     let cpu: fn(&Measured) -> f64 = |p| p.cpu_seconds;
@@ -309,18 +287,18 @@ fn section_plots(chosen: &[&Outcomes], name: &str) -> Vec<Plot> {
     plots.into_iter().filter(Plot::has_points).collect()
 }
 
-fn sections(results: &[Outcomes]) -> String {
-    let section = |(group, name, title): &(CostGroup, &str, &str)| {
+fn sections(results: &[Outcome]) -> String {
+    let section = |(group, title): &(Group, &str)| {
         let chosen = chosen(results, *group);
         if chosen.is_empty() {
             return String::new();
         }
-        let table = if *group == CostGroup::Effects {
+        let table = if *group == Group::Effects {
             effects_table(results)
         } else {
             String::new()
         };
-        let figures: String = section_plots(&chosen, name)
+        let figures: String = section_plots(&chosen, group.as_str())
             .iter()
             .map(|plot| format!("<figure>{}</figure>", plot.figure()))
             .collect();

@@ -1,4 +1,4 @@
-//! What pages that need no other file are made of: text made safe, and bytes as data URLs.
+//! Parts of pages that need no other file: text made safe, and bytes as data URLs.
 
 /// Text made safe for HTML, attributes included.
 #[must_use]
@@ -14,6 +14,13 @@ pub fn escape(text: &str) -> String {
         }
     }
     out
+}
+
+/// A row of a table: a heading as text, and cells as they are.
+pub fn row(heading: &str, cells: impl IntoIterator<Item = String>) -> String {
+    let cells = cells.into_iter().map(|cell| format!("<td>{cell}</td>"));
+    let cells: String = cells.collect();
+    format!("<tr><th>{}</th>{cells}</tr>", escape(heading))
 }
 
 /// A PNG image as the address of itself.

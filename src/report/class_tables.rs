@@ -1,19 +1,15 @@
-//! `abbe compare A.json B.json`: two tables of path classes and strategies, side by side.
+//! Two tables of path classes and strategies, side by side.
 //!
-//! What a method misses shows here and not in its noise: a class that one table holds and the other has never hit, or means
-//! of one class that differ although both were hit often.
+//! What a method misses shows here and not in its noise: a class that one table holds and the other
+//! has never hit, or means of one class that differ although both were hit often.
 
 use super::readable::percent;
-use super::{CliError, Outcome, print};
+use super::{ReportError, json};
 use serde::Deserialize;
-use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
-use std::io::Read;
 use std::path::Path;
 
-/// Longest file read, in bytes.
-const LONGEST: u64 = 1 << 28;
 /// Share of the light below which a class is not printed.
 const TOLD_SHARE: f64 = 1e-3;
 
@@ -75,16 +71,18 @@ impl Class {
 }
 
 /// Whether a path is compared as a table and not as an image.
+#[must_use]
 pub fn is_table(path: &Path) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("json"))
 }
 
-/// Compares the sensors that both tables have.
+/// The sensors that both tables have, as text or JSON.
 ///
 /// # Errors
 /// Where a file cannot be read or is no statistics of a render, or no sensor is in both.
-pub fn run(first: &Path, second: &Path, as_json: bool) -> Result<Outcome, CliError> {
+pub fn compare(first: &Path, second: &Path, as_json: bool) -> Result<String, ReportError> {
+    let read = |path| json::read::<Stats>(path, "what `abbe render --stats` writes");
     let tables = [read(first)?, read(second)?];
     let names: BTreeSet<&str> = tables[0].sensors.iter().map(|s| s.name.as_str()).collect();
     let mut text = String::new();
@@ -101,7 +99,7 @@ pub fn run(first: &Path, second: &Path, as_json: bool) -> Result<Outcome, CliErr
         text += &classes_text(&classes);
     }
     if values.is_empty() {
-        return Err(CliError::file(
+        return Err(ReportError::file(
             second,
             format!(
                 "has none of the sensors of {} ({})",
@@ -113,27 +111,7 @@ pub fn run(first: &Path, second: &Path, as_json: bool) -> Result<Outcome, CliErr
     if as_json {
         text = format!("{:#}\n", serde_json::Value::Object(values));
     }
-    print(&text);
-    Ok(Outcome::Done)
-}
-
-fn read(path: &Path) -> Result<Stats, CliError> {
-    let mut text = String::new();
-    std::fs::File::open(path)
-        .and_then(|file| file.take(LONGEST + 1).read_to_string(&mut text))
-        .map_err(|e| CliError::file(path, e.to_string()))?;
-    if text.len() as u64 > LONGEST {
-        return Err(CliError::file(
-            path,
-            format!("is longer than {} MB", LONGEST >> 20),
-        ));
-    }
-    serde_json::from_str(&text).map_err(|e| {
-        CliError::file(
-            path,
-            format!("is not what `abbe render --stats` writes: {e}"),
-        )
-    })
+    Ok(text)
 }
 
 /// The classes of both, the brightest first.
@@ -216,7 +194,7 @@ fn classes_text(classes: &[Class]) -> String {
 fn classes_json(classes: &[Class]) -> serde_json::Value {
     let row = |row: &Option<Row>| {
         row.map(
-            |r| json!({ "hits": r.hits, "raw_mean": r.raw_mean, "weighted_mean": r.weighted_mean }),
+            |r| serde_json::json!({ "hits": r.hits, "raw_mean": r.raw_mean, "weighted_mean": r.weighted_mean }),
         )
     };
     classes
@@ -225,9 +203,9 @@ fn classes_json(classes: &[Class]) -> serde_json::Value {
             let strategies: Vec<_> = class
                 .strategies
                 .iter()
-                .map(|(&(s, t), rows)| json!({ "s": s, "t": t, "first": row(&rows[0]), "second": row(&rows[1]) }))
+                .map(|(&(s, t), rows)| serde_json::json!({ "s": s, "t": t, "first": row(&rows[0]), "second": row(&rows[1]) }))
                 .collect();
-            json!({
+            serde_json::json!({
                 "class": class.name,
                 "hits": [class.hits(0), class.hits(1)],
                 "weighted_mean": [class.mean(0), class.mean(1)],

@@ -1,13 +1,14 @@
-//! What a cost report compares: the scene as it is, other methods, the scene without each of its effects, other settings.
+//! Variants that a cost report compares: the scene as it is, other methods, the scene without each
+//! of its effects, other settings.
 
-use super::super::args::CostGroup;
-use super::super::load::Loaded;
+use super::data::Group;
 use crate::film::Filter;
 use crate::integrator::SensorJob;
-use crate::io::identity::integrator_name;
+use crate::io::identity::{integrator_name, regularize_name};
+use crate::io::loaded::Loaded;
 use crate::render::{EpsilonChoice, epsilon};
 use crate::scene::Settings;
-use crate::scene::effects::Effect;
+use crate::scene::effects::EffectKind;
 use crate::scene::frozen::Frozen;
 use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::{IntegratorKind, Regularize};
@@ -33,7 +34,7 @@ pub struct Variant {
     /// Name for readers.
     pub label: String,
     /// The parts of the report it belongs to; none: the scene as it is.
-    pub groups: Vec<CostGroup>,
+    pub groups: Vec<Group>,
     /// Keys of the scene file that differ.
     pub overrides: Vec<(String, String)>,
     /// The effect left out of the scene, where no key does it.
@@ -43,7 +44,7 @@ pub struct Variant {
 }
 
 impl Variant {
-    fn new(id: &str, label: &str, group: CostGroup, overrides: &[(&str, &str)]) -> Self {
+    fn new(id: &str, label: &str, group: Group, overrides: &[(&str, &str)]) -> Self {
         let own = |(key, value): &(&str, &str)| (format!("render.{key}"), (*value).to_owned());
         Self {
             id: id.to_owned(),
@@ -55,10 +56,61 @@ impl Variant {
         }
     }
 
+    /// A method, without anything else that differs.
+    fn method(id: &str, label: &str, group: Group, method: Method) -> Self {
+        Self::new(id, label, group, &method.keys())
+    }
+
+    /// Whether this is the scene as it is.
+    #[must_use]
+    pub fn is_base(&self) -> bool {
+        self.id == BASE
+    }
+
     fn frozen(id: &str, label: &str, frozen: Frozen) -> Self {
         Self {
             frozen: Some(frozen),
-            ..Self::new(id, label, CostGroup::Effects, &[])
+            ..Self::new(id, label, Group::Effects, &[])
+        }
+    }
+}
+
+/// An integrator and how it is regularized.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Method {
+    integrator: IntegratorKind,
+    regularize: Regularize,
+}
+
+impl Method {
+    fn new(integrator: IntegratorKind, regularize: Regularize) -> Self {
+        Self {
+            integrator,
+            regularize,
+        }
+    }
+
+    /// Keys of the scene file that choose it.
+    fn keys(self) -> [(&'static str, &'static str); 2] {
+        [
+            ("integrator", integrator_name(self.integrator)),
+            ("regularize", regularize_name(self.regularize)),
+        ]
+    }
+
+    /// Names in files and for readers.
+    fn names(self) -> [String; 2] {
+        let [(_, integrator), (_, mode)] = self.keys();
+        match self.regularize {
+            Regularize::Off => [integrator.to_owned(), integrator.to_owned()],
+            Regularize::Mis => [
+                format!("{integrator}-mis"),
+                format!("{integrator}, regularized"),
+            ],
+            _ => [
+                format!("{integrator}-{mode}"),
+                format!("{integrator}, regularized ({mode})"),
+            ],
         }
     }
 }
@@ -70,7 +122,7 @@ fn cones(loaded: &Loaded, sensor: usize, settings: &Settings) -> EpsilonChoice {
     epsilon::choose(&frame, loaded.response())
 }
 
-/// What the matrix depends on.
+/// The scene as it is, which the matrix follows from.
 #[derive(Debug)]
 pub struct Base<'a> {
     loaded: &'a Loaded,
@@ -95,9 +147,8 @@ impl<'a> Base<'a> {
         }
     }
 
-    fn effect(&self, name: &str) -> bool {
-        let on = |e: &Effect| e.name == name && e.on;
-        self.loaded.scene.effects.iter().any(on)
+    fn has(&self, effect: EffectKind) -> bool {
+        self.loaded.scene.has_effect(effect)
     }
 
     fn regularized(&self) -> bool {
@@ -106,8 +157,8 @@ impl<'a> Base<'a> {
 
     /// All variants of the groups asked for, the scene as it is first.
     #[must_use]
-    pub fn variants(&self, groups: &[CostGroup]) -> Vec<Variant> {
-        let mut scene = Variant::new(BASE, &self.label(), CostGroup::Methods, &[]);
+    pub fn variants(&self, groups: &[Group]) -> Vec<Variant> {
+        let mut scene = Variant::new(BASE, &self.label(), Group::Methods, &[]);
         scene.groups.clear();
         let all = [
             self.methods(),
@@ -133,84 +184,65 @@ impl<'a> Base<'a> {
     }
 
     fn methods(&self) -> Vec<Variant> {
+        use IntegratorKind::{Bdpt, Light, Path, Vcm};
+        use Regularize::{Mis, Off, Single};
         // a further integrator is a further line here
-        let mut pairs = vec![
-            ("path", "off"),
-            ("light", "off"),
-            ("bdpt", "off"),
-            ("vcm", "off"),
-        ];
-        if self.effect("specular") {
-            pairs.splice(3..3, [("bdpt", "single"), ("bdpt", "mis")]);
-            pairs.push(("vcm", "mis"));
+        let mut methods = vec![(Path, Off), (Light, Off), (Bdpt, Off), (Vcm, Off)];
+        if self.has(EffectKind::Specular) {
+            methods.splice(3..3, [(Bdpt, Single), (Bdpt, Mis)]);
+            methods.push((Vcm, Mis));
         }
-        let own = (
-            integrator_name(self.loaded.settings.integrator),
-            self.mode(),
-        );
-        let variant = |(integrator, mode): (&str, &str)| {
-            let (id, label) = match mode {
-                "off" => (integrator.to_owned(), integrator.to_owned()),
-                "mis" => (
-                    format!("{integrator}-mis"),
-                    format!("{integrator}, regularized"),
-                ),
-                _ => (
-                    format!("{integrator}-{mode}"),
-                    format!("{integrator}, regularized ({mode})"),
-                ),
-            };
-            let keys = [("integrator", integrator), ("regularize", mode)];
-            Variant::new(&id, &label, CostGroup::Methods, &keys)
+        let own = Method::new(self.loaded.settings.integrator, self.mode());
+        let methods = methods.into_iter().map(|(i, r)| Method::new(i, r));
+        let variant = |method: Method| {
+            let [id, label] = method.names();
+            Variant::method(&id, &label, Group::Methods, method)
         };
-        let others = pairs.into_iter().filter(|pair| *pair != own);
-        let mut methods: Vec<Variant> = others.map(variant).collect();
-        let keys = [
-            ("integrator", "vcm"),
-            ("regularize", "off"),
-            ("sharing", "stratified"),
-        ];
+        let mut variants: Vec<Variant> = methods.filter(|m| *m != own).map(variant).collect();
         let (id, label) = ("vcm-stratified", "vcm, stratified passes");
-        methods.push(Variant::new(id, label, CostGroup::Methods, &keys));
-        methods
+        let mut stratified = Variant::method(id, label, Group::Methods, Method::new(Vcm, Off));
+        let sharing = ("render.sharing".to_owned(), "stratified".to_owned());
+        stratified.overrides.push(sharing);
+        variants.push(stratified);
+        variants
     }
 
     /// The mode of regularization of the scene as it is.
-    fn mode(&self) -> &'static str {
+    fn mode(&self) -> Regularize {
         match self.regularization.mode {
-            None => "off",
-            Some(Mode::Mis) => "mis",
-            Some(Mode::Single(_)) => "single",
+            None => Regularize::Off,
+            Some(Mode::Mis) => Regularize::Mis,
+            Some(Mode::Single(_)) => Regularize::Single,
         }
     }
 
     fn effects(&self) -> Vec<Variant> {
         let mut effects = Vec::new();
-        if self.effect("dispersion") {
+        if self.has(EffectKind::Dispersion) {
             let label = "without dispersion (all indices as at 587.56 nm)";
             effects.push(Variant::frozen("no-dispersion", label, Frozen::Dispersion));
         }
-        if self.effect("motion") {
+        if self.has(EffectKind::Motion) {
             let label = "without motion (the middle of the shutter)";
             effects.push(Variant::frozen("no-motion", label, Frozen::Motion));
         }
-        let group = CostGroup::Effects;
+        let group = Group::Effects;
         if self.regularized() {
-            let keys = [("regularize", "off")];
+            let keys = [("regularize", regularize_name(Regularize::Off))];
             let label = "without regularization";
             effects.push(Variant::new("no-regularization", label, group, &keys));
         }
         let method = self.loaded.settings.integrator;
         let merging = if method.merges() {
-            Some(("no-merging", "bdpt", "without merging (bdpt)"))
+            Some(("no-merging", IntegratorKind::Bdpt, "without merging (bdpt)"))
         } else if method == IntegratorKind::Bdpt {
-            Some(("merging", "vcm", "with merging (vcm)"))
+            Some(("merging", IntegratorKind::Vcm, "with merging (vcm)"))
         } else {
             None
         };
         if let Some((id, integrator, label)) = merging {
-            let keys = [("integrator", integrator), ("regularize", self.mode())];
-            effects.push(Variant::new(id, label, group, &keys));
+            let method = Method::new(integrator, self.mode());
+            effects.push(Variant::method(id, label, group, method));
         }
         let depth = self.loaded.settings.max_depth;
         let half = depth.map_or(HALF_OF_UNLIMITED, |d| d / 2);
@@ -232,15 +264,15 @@ impl<'a> Base<'a> {
                 },
             );
             let keys = [("lanes", lanes)];
-            let mut variant = Variant::new(&id, &label, CostGroup::Effects, &keys);
-            variant.groups.push(CostGroup::Settings);
+            let mut variant = Variant::new(&id, &label, Group::Effects, &keys);
+            variant.groups.push(Group::Settings);
             variant
         };
         others.map(variant).collect()
     }
 
     fn settings(&self) -> Vec<Variant> {
-        let group = CostGroup::Settings;
+        let group = Group::Settings;
         let mut settings = Vec::new();
         if let Some(depth) = self.loaded.settings.max_depth.filter(|&d| d > 0) {
             let double = depth.saturating_mul(2).min(u32::from(u16::MAX));
@@ -276,33 +308,41 @@ impl<'a> Base<'a> {
         settings
     }
 
-    /// The estimator of the reference: another one than that of the scene, but none that is blind for what the scene shows. Where
-    /// regularization is called for, or merging stands in for it, unbiased methods miss paths without any sign of it in their noise;
-    /// smaller cones are noisy instead, and honest about it.
+    /// The estimator of the reference: another one than that of the scene, but none that is blind
+    /// for what the scene shows. Where regularization is called for, or merging stands in for it,
+    /// unbiased methods miss paths without any sign of it in their noise; smaller cones are noisy
+    /// instead, and honest about it.
     #[must_use]
     pub fn reference(&self) -> Variant {
         let hittable = self.loaded.scene.sensors[self.sensor].camera.is_hittable();
         let method = self.loaded.settings.integrator;
-        let cones =
-            if self.epsilon.is_none() && method.merges() && self.effect("specular") && !hittable {
-                let mut settings = self.loaded.settings.clone();
-                settings.regularization.mode = Regularize::Mis;
-                Some(cones(self.loaded, self.sensor, &settings))
-            } else {
-                self.epsilon.clone()
-            };
-        let (integrator, label) = if cones.is_some() {
-            ("bdpt", "")
-        } else if hittable {
-            ("light", "light tracing, unbiased")
-        } else if method == IntegratorKind::Path || method.merges() {
-            ("bdpt", "bdpt without regularization, unbiased")
+        let cones = if self.epsilon.is_none()
+            && method.merges()
+            && self.has(EffectKind::Specular)
+            && !hittable
+        {
+            let mut settings = self.loaded.settings.clone();
+            settings.regularization.mode = Regularize::Mis;
+            Some(cones(self.loaded, self.sensor, &settings))
         } else {
-            ("path", "path tracing, unbiased")
+            self.epsilon.clone()
         };
-        let mode = if cones.is_some() { "mis" } else { "off" };
-        let keys = [("integrator", integrator), ("regularize", mode)];
-        let mut reference = Variant::new("reference", label, CostGroup::Methods, &keys);
+        let (integrator, label) = if cones.is_some() {
+            (IntegratorKind::Bdpt, "")
+        } else if hittable {
+            (IntegratorKind::Light, "light tracing, unbiased")
+        } else if method == IntegratorKind::Path || method.merges() {
+            let label = "bdpt without regularization, unbiased";
+            (IntegratorKind::Bdpt, label)
+        } else {
+            (IntegratorKind::Path, "path tracing, unbiased")
+        };
+        let mode = match cones {
+            Some(_) => Regularize::Mis,
+            None => Regularize::Off,
+        };
+        let method = Method::new(integrator, mode);
+        let mut reference = Variant::method("reference", label, Group::Methods, method);
         reference.groups.clear();
         if let Some(choice) = cones {
             let epsilon = choice.epsilon * REFERENCE_CONES;
@@ -322,7 +362,7 @@ impl<'a> Base<'a> {
         let depth = self.loaded.settings.max_depth.unwrap_or(LAYERS_DEPTH);
         let depth = depth.min(LAYERS_DEPTH).to_string();
         let keys = [("max_depth", &*depth)];
-        let mut layers = Variant::new("layers", "strategies", CostGroup::Methods, &keys);
+        let mut layers = Variant::new("layers", "strategies", Group::Methods, &keys);
         layers.groups.clear();
         layers.layers = true;
         if size.width > LAYERS_WIDTH {

@@ -1,12 +1,14 @@
 //! Errors of the images of a cell against the reference, and what they say of the variant.
 
-use super::super::CliError;
 use super::cell::{Cell, NOISE_CHANNEL};
 use crate::io::exr;
 use crate::math::convergence::{Point, Reach, error_at, reach};
 use crate::math::image_error::{image_error, mean_relative_square};
 use crate::math::stats::Moments;
-use serde::Serialize;
+use crate::report::compare::check_size;
+use crate::report::{ReportError, json};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Relative errors whose cost is told.
@@ -16,7 +18,7 @@ pub const TARGETS: [f64; 3] = [0.1, 0.03, 0.01];
 #[derive(Clone, Debug)]
 pub struct Luminance {
     /// Columns and rows.
-    pub size: [u32; 2],
+    pub size: (u32, u32),
     /// Y per pixel.
     pub y: Vec<f64>,
     /// One sample of its standard error per pixel.
@@ -28,21 +30,21 @@ impl Luminance {
     ///
     /// # Errors
     /// Where the file cannot be read, has no Y, or values that are not finite.
-    pub fn read(path: &Path) -> Result<Self, CliError> {
+    pub fn read(path: &Path) -> Result<Self, ReportError> {
         let image = exr::read(path)?;
         let channel = |name: &str| -> Option<Vec<f64>> {
             Some(image.channel(name)?.iter().map(|v| f64::from(*v)).collect())
         };
-        let y = channel("Y").ok_or_else(|| CliError::file(path, "has no channel Y"))?;
+        let y = channel("Y").ok_or_else(|| ReportError::file(path, "has no channel Y"))?;
         let noise = channel(NOISE_CHANNEL).or_else(|| channel("error.Y"));
         if y.iter()
             .chain(noise.iter().flatten())
             .any(|v| !v.is_finite())
         {
-            return Err(CliError::file(path, "has values that are not finite"));
+            return Err(ReportError::file(path, "has values that are not finite"));
         }
         Ok(Self {
-            size: [image.crop.width(), image.crop.height()],
+            size: (image.crop.width(), image.crop.height()),
             y,
             noise,
         })
@@ -50,7 +52,7 @@ impl Luminance {
 }
 
 /// Errors of one image. All are of Y.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
     /// Mean of (I − R)²/(R² + 0.01).
     pub rel_mse: f64,
@@ -61,11 +63,12 @@ pub struct Measures {
     /// Mean of Var(I)/(R² + 0.01), from the halves of the passes.
     pub rel_variance: f64,
     /// Mean of I / mean of R.
+    #[serde(deserialize_with = "json::number")]
     pub mean_ratio: f64,
 }
 
 /// A point of a curve: an image, what it took, and how far it is off.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Seed.
     pub seed: u64,
@@ -93,18 +96,12 @@ pub fn measure(
     cell: &Cell,
     reference: &Luminance,
     probe: Option<[u32; 2]>,
-) -> Result<Vec<Measured>, CliError> {
+) -> Result<Vec<Measured>, ReportError> {
     let point = |snapshot: &super::cell::Snapshot| {
         let path = folder.join(&snapshot.image);
         let image = Luminance::read(&path)?;
-        if image.size != reference.size {
-            let [(w, h), (rw, rh)] = [image.size, reference.size].map(|[w, h]| (w, h));
-            return Err(CliError::file(
-                path,
-                format!("is {w} x {h}, the reference {rw} x {rh} pixels"),
-            ));
-        }
-        let errors = image_error(&image.y, &reference.y, image.size[0] as usize);
+        check_size(&path, image.size, reference.size)?;
+        let errors = image_error(&image.y, &reference.y, image.size.0 as usize);
         let noise = image.noise.unwrap_or_default();
         Ok(Measured {
             seed: cell.seed,
@@ -119,16 +116,17 @@ pub fn measure(
                 mean_ratio: errors.mean_ratio,
                 rel_variance: mean_relative_square(&noise, &reference.y),
             },
-            probe: probe.map(|[x, y]| image.y[(y * image.size[0] + x) as usize]),
+            probe: probe.map(|[x, y]| image.y[(y * image.size.0 + x) as usize]),
         })
     };
     cell.snapshots.iter().map(point).collect()
 }
 
 /// A mean over seeds and its standard error (`None` for a single seed).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
     /// Mean.
+    #[serde(deserialize_with = "json::number")]
     pub mean: f64,
     /// Standard error of the mean.
     pub error: Option<f64>,
@@ -149,7 +147,7 @@ impl Spread {
 }
 
 /// When a variant reaches an error.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum TimeTo {
     /// Within what was measured.
@@ -168,8 +166,8 @@ pub enum TimeTo {
     Unsteady,
 }
 
-/// What is told of a variant.
-#[derive(Clone, Debug, Serialize)]
+/// Measures of a variant as a whole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// CPU seconds per pass.
     pub pass_seconds: Spread,
@@ -184,36 +182,48 @@ pub struct Summary {
     /// Log-RMSE at the end.
     pub log_rmse: Spread,
     /// Mean of the image over that of the reference, at the end.
+    #[serde(deserialize_with = "json::number")]
     pub mean_ratio: f64,
     /// √max(0, MSE − variance), relative: what more samples do not take away.
     pub bias: f64,
-    /// Bias that the spread of the seeds (or, with one seed, the noise) would let appear where there is none.
+    /// Bias that the spread of the seeds (or, with one seed, the noise) would let appear where
+    /// there is none.
     pub bias_noise: f64,
     /// CPU seconds to relative errors of 10 %, 3 % and 1 %.
     pub time_to: [TimeTo; 3],
 }
 
-/// The points of a variant's seeds at equal passes, averaged: CPU seconds and relative error √relMSE.
+/// The points of a variant after each number of passes that all its seeds have.
+pub fn by_passes(points: &[Measured]) -> Vec<(u32, Vec<&Measured>)> {
+    let seeds: BTreeSet<u64> = points.iter().map(|p| p.seed).collect();
+    let passes: BTreeSet<u32> = points.iter().map(|p| p.passes).collect();
+    let at = |n| {
+        (
+            n,
+            points.iter().filter(|p| p.passes == n).collect::<Vec<_>>(),
+        )
+    };
+    let all = passes.into_iter().map(at);
+    all.filter(|(_, here)| here.len() == seeds.len()).collect()
+}
+
+/// Mean of a value of some points.
+pub fn mean(points: &[&Measured], of: impl Fn(&Measured) -> f64) -> f64 {
+    points.iter().map(|p| of(p)).sum::<f64>() / points.len() as f64
+}
+
+/// The points of a variant's seeds at equal passes, averaged: CPU seconds and relative error
+/// √relMSE.
 #[must_use]
 pub fn mean_curve(points: &[Measured]) -> Vec<Point> {
-    let seeds = points
-        .iter()
-        .map(|p| p.seed)
-        .collect::<std::collections::BTreeSet<_>>();
-    let mut passes: Vec<u32> = points.iter().map(|p| p.passes).collect();
-    passes.sort_unstable();
-    passes.dedup();
-    let at = |n: u32| {
-        let here: Vec<&Measured> = points.iter().filter(|p| p.passes == n).collect();
-        let mean = |f: &dyn Fn(&Measured) -> f64| {
-            here.iter().map(|p| f(p)).sum::<f64>() / here.len() as f64
-        };
-        (here.len() == seeds.len() && n.is_power_of_two()).then(|| Point {
-            work: mean(&|p| p.cpu_seconds),
-            error: mean(&|p| p.errors.rel_mse).sqrt(),
+    let doubling = by_passes(points).into_iter();
+    doubling
+        .filter(|(passes, _)| passes.is_power_of_two())
+        .map(|(_, here)| Point {
+            work: mean(&here, |p| p.cpu_seconds),
+            error: mean(&here, |p| p.errors.rel_mse).sqrt(),
         })
-    };
-    passes.into_iter().filter_map(at).collect()
+        .collect()
 }
 
 /// The points of each seed.
@@ -228,8 +238,8 @@ pub fn common_seconds(points: &[Measured]) -> f64 {
     ends.map(|p| p.cpu_seconds).fold(f64::INFINITY, f64::min)
 }
 
-/// Sums up a variant. `floor` is the relative variance of the reference, where it is known; `equal_seconds` are the CPU seconds at
-/// which variants are compared.
+/// Sums up a variant. `floor` is the relative variance of the reference, where it is known;
+/// `equal_seconds` are the CPU seconds at which variants are compared.
 #[must_use]
 pub fn summarize(points: &[Measured], floor: f64, equal_seconds: f64) -> Summary {
     let last: Vec<&Measured> = by_seed(points).filter_map(|seed| seed.last()).collect();

@@ -1,10 +1,11 @@
-//! The pictures of a report: images whose bytes keep four stops above white, and signed maps of the error, as data URLs.
+//! The pictures of a report: images whose bytes keep four stops above white, and signed maps of the
+//! error, as data URLs.
 
-use super::super::CliError;
-use super::super::html::png_url;
 use super::Reference;
 use crate::io::exr;
 use crate::io::png::png_bytes;
+use crate::report::ReportError;
+use crate::report::html::png_url;
 use crate::spectrum::xyz::xyz_to_linear_srgb;
 use serde::Serialize;
 use std::path::Path;
@@ -39,7 +40,7 @@ pub fn picture(
     path: &Path,
     exposure: f64,
     reference: Option<&Reference>,
-) -> Result<Option<Picture>, CliError> {
+) -> Result<Option<Picture>, ReportError> {
     let image = exr::read(path)?;
     let Some(xyz) = image.xyz() else {
         return Ok(None);
@@ -56,7 +57,7 @@ pub fn picture(
     let url = |rgb: &[u8]| {
         png_bytes(width, height, rgb)
             .map(|png| png_url(&png))
-            .map_err(|e| CliError::file(path, e.to_string()))
+            .map_err(|e| ReportError::file(path, e.to_string()))
     };
     let map = |reference: &Reference| {
         let pairs = pixels.iter().zip(&reference.image.y);
@@ -75,7 +76,8 @@ pub fn picture(
 #[must_use]
 pub fn exposure(reference: &Reference) -> f64 {
     let y = &reference.image.y;
-    // the mean of what is not brighter than ten times the median, so that a lamp in the picture does not darken it
+    // the mean of what is not brighter than ten times the median, so that a lamp in the picture
+    // does not darken it
     let mut sorted = y.clone();
     sorted.sort_by(f64::total_cmp);
     let limit = 10.0 * sorted[sorted.len() / 2].max(1e-9);

@@ -1,37 +1,40 @@
-//! One cell of the matrix, a variant with a seed: rendered for its time, its image kept at doubling numbers of passes.
+//! One cell of the matrix, a variant with a seed: rendered for its time or passes, its image kept
+//! at doubling numbers of passes.
 //!
-//! A finished cell is a JSON file that names its images. A cell whose file is there and was made with the same scene, settings
-//! and time is not rendered again: an interrupted report goes on where it stopped.
+//! A finished cell is a JSON file that names its images. A cell whose file is there and was made
+//! with the same scene, settings and length is not rendered again: an interrupted report goes on
+//! where it stopped.
 
-use super::super::CliError;
-use super::super::load::{self, Loaded};
+use super::data::Extent;
 use super::matrix::Variant;
-use crate::io::atomic::write_atomic;
 use crate::io::exr::{self, Channel};
 use crate::io::identity::{VERSION, settings_hash};
 use crate::io::image;
 use crate::io::layers::{self, Layer};
+use crate::io::loaded::{self, Loaded};
 use crate::io::scene_file::document::hash_bytes;
 use crate::render::{Cancel, OutputRequest, Render, Session, SessionOptions, StopReason};
+use crate::report::{ReportError, json};
 use serde::{Deserialize, Serialize};
-use std::io::Write as _;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The layer that holds one sample of the standard error of Y per pixel: the scaled difference of the halves.
+/// The layer that holds one sample of the standard error of Y per pixel: the scaled difference of
+/// the halves.
 pub const NOISE_CHANNEL: &str = "noise.Y";
-/// A limit on the passes of a cell, for scenes of a few pixels.
-const MOST_PASSES: u32 = 1 << 20;
+/// Limit on the passes of a cell, for scenes of a few pixels.
+pub const MOST_PASSES: u32 = 1 << 20;
 
 /// The image of a cell after some passes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
-    /// Its file, in the folder of the report.
+    /// File, in the folder of the report.
     pub image: String,
     /// Passes.
     pub passes: u32,
-    /// CPU seconds of all threads (wall seconds where the system does not tell), without those spent on writing files.
+    /// CPU seconds of all threads (wall seconds where the system does not tell), without those
+    /// spent on writing files.
     pub cpu_seconds: f64,
     /// Wall seconds, likewise.
     pub wall_seconds: f64,
@@ -42,11 +45,11 @@ pub struct Snapshot {
 pub struct Cell {
     /// Hash of all that it depends on.
     key: String,
-    /// Its seed.
+    /// Seed.
     pub seed: u64,
     /// Rays of both kinds.
     pub rays: u64,
-    /// Its images, by passes.
+    /// Images, by passes.
     pub snapshots: Vec<Snapshot>,
 }
 
@@ -56,17 +59,20 @@ pub struct Plan<'a> {
     /// The scene file.
     pub scene: &'a Path,
     /// Keys replaced for all variants.
-    pub overrides: Vec<(String, String)>,
+    pub overrides: &'a [(String, String)],
     /// The sensor.
     pub sensor: usize,
     /// Where files go.
     pub folder: &'a Path,
+    /// Threads that render.
+    pub threads: usize,
     /// Asked for between passes.
-    pub interrupt: Cancel,
+    pub cancel: &'a Cancel,
 }
 
 impl Plan<'_> {
-    /// The cell, from its file or rendered; `None` where an interrupt came first. The flag tells whether it was rendered.
+    /// The cell, from its file or rendered; `None` where it was cancelled. The flag tells whether
+    /// it was rendered.
     ///
     /// # Errors
     /// Where the scene does not load or a file cannot be written.
@@ -74,14 +80,14 @@ impl Plan<'_> {
         &self,
         variant: &Variant,
         seed: u64,
-        seconds: f64,
-    ) -> Result<Option<(Cell, bool)>, CliError> {
-        let mut overrides = self.overrides.clone();
+        extent: Extent,
+    ) -> Result<Option<(Cell, bool)>, ReportError> {
+        let mut overrides = self.overrides.to_vec();
         overrides.extend(variant.overrides.iter().cloned());
         overrides.push(("render.seed".to_owned(), seed.to_string()));
-        let loaded = load::load_frozen(self.scene, &overrides, variant.frozen)?;
+        let loaded = loaded::load_frozen(self.scene, &overrides, variant.frozen)?;
         let key = format!(
-            "{VERSION} {:016x} {:016x} {:?} {} {seed} {seconds:?} {} {}",
+            "{VERSION} {:016x} {:016x} {:?} {} {seed} {extent:?} {} {}",
             loaded.scene.hash,
             settings_hash(
                 &loaded.scene,
@@ -91,7 +97,7 @@ impl Plan<'_> {
             ),
             variant.frozen,
             variant.layers,
-            rayon::current_num_threads(),
+            self.threads,
             self.sensor,
         );
         let key = format!("{:016x}", hash_bytes(key.as_bytes()));
@@ -100,7 +106,7 @@ impl Plan<'_> {
         if let Some(cell) = self.finished(&file, &key) {
             return Ok(Some((cell, false)));
         }
-        let Some((rays, snapshots)) = self.render(&loaded, &stem, seconds, variant.layers)? else {
+        let Some((rays, snapshots)) = self.render(&loaded, &stem, extent, variant.layers)? else {
             return Ok(None);
         };
         let cell = Cell {
@@ -109,27 +115,34 @@ impl Plan<'_> {
             rays,
             snapshots,
         };
-        let value = serde_json::to_string_pretty(&cell)
-            .map_err(|e| CliError::file(&file, e.to_string()))?;
-        write_atomic(&file, |w| writeln!(w, "{value}"))?;
+        json::write(&file, &cell)?;
         Ok(Some((cell, true)))
     }
 
     /// The cell of a file, if it is whole and of the same key.
     fn finished(&self, file: &Path, key: &str) -> Option<Cell> {
-        let cell: Cell = serde_json::from_str(&std::fs::read_to_string(file).ok()?).ok()?;
+        let cell: Cell = json::read(file, "a cell").ok()?;
         let there = |s: &Snapshot| self.folder.join(&s.image).is_file();
         (cell.key == key && !cell.snapshots.is_empty() && cell.snapshots.iter().all(there))
             .then_some(cell)
+    }
+
+    /// The last image of a cell.
+    ///
+    /// # Errors
+    /// Where it has none.
+    pub fn last_image(&self, cell: &Cell) -> Result<PathBuf, ReportError> {
+        let last = cell.snapshots.last().ok_or(ReportError::NoReference)?;
+        Ok(self.folder.join(&last.image))
     }
 
     fn render(
         &self,
         loaded: &Loaded,
         stem: &str,
-        seconds: f64,
+        extent: Extent,
         layers: bool,
-    ) -> Result<Option<(u64, Vec<Snapshot>)>, CliError> {
+    ) -> Result<Option<(u64, Vec<Snapshot>)>, ReportError> {
         let options = SessionOptions {
             sensor: self.sensor,
             outputs: OutputRequest {
@@ -139,7 +152,7 @@ impl Plan<'_> {
                 ..OutputRequest::default()
             },
             passes: Some(0..MOST_PASSES),
-            cancel: self.interrupt.clone(),
+            cancel: self.cancel.clone(),
             ..SessionOptions::default()
         };
         let mut session = Session::new(Arc::clone(&loaded.scene), &loaded.settings, options)?;
@@ -150,11 +163,13 @@ impl Plan<'_> {
             }
             rays = progress.rays;
             let passes = progress.passes as u32;
-            // pilots do not count: a curve that began with them would seem to fall faster than it does
+            // pilots do not count: a curve that began with them would seem to fall faster than it
+            // does
             let cpu_seconds = progress.time.cpu_seconds();
-            // two passes at least: the noise is told from halves; CPU time, so that others on the machine take nothing from a cell
-            let used = cpu_seconds / rayon::current_num_threads() as f64;
-            let last = passes == MOST_PASSES || passes >= 2 && used >= seconds;
+            // two passes at least: the noise is told from halves; CPU time, so that others on the
+            // machine take nothing from a cell
+            let used = cpu_seconds / self.threads as f64;
+            let last = passes == MOST_PASSES || passes >= 2 && extent.is_reached(passes, used);
             if last || !layers && passes >= 2 && passes.is_power_of_two() {
                 let image = format!("{stem}-{passes}.exr");
                 self.write(&image, &session.render(), last)?;
@@ -165,7 +180,7 @@ impl Plan<'_> {
                     wall_seconds: microseconds(progress.time.wall.as_secs_f64()),
                 });
             }
-            Ok::<_, CliError>(if last {
+            Ok::<_, ReportError>(if last {
                 ControlFlow::Break(())
             } else {
                 ControlFlow::Continue(())
@@ -174,8 +189,9 @@ impl Plan<'_> {
         Ok((stop != StopReason::Interrupted).then_some((rays, snapshots)))
     }
 
-    /// Writes the image: all of XYZ at the end of a cell, Y alone before, and a sample of its noise.
-    fn write(&self, name: &str, render: &Render, whole: bool) -> Result<(), CliError> {
+    /// Writes the image: all of XYZ at the end of a cell, Y alone before, and a sample of its
+    /// noise.
+    fn write(&self, name: &str, render: &Render, whole: bool) -> Result<(), ReportError> {
         let mut image = image::of(render);
         // what was not kept is not added
         let kept = [Layer::Strategies, Layer::Regularized];

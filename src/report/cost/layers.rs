@@ -1,10 +1,10 @@
-//! The images of single strategies: a pyramid with a row for each number of vertices (after Veach 1997, figure 10.2), and the share
-//! of the light that regularized strategies bring.
+//! The images of single strategies: a pyramid with a row for each number of vertices (after Veach
+//! 1997, figure 10.2), and the share of the light that regularized strategies bring.
 
-use super::super::CliError;
-use super::super::html::{escape, png_url};
 use crate::io::exr::{self, ExrImage};
 use crate::io::png::{png_bytes, preview_bytes};
+use crate::report::ReportError;
+use crate::report::html::{escape, png_url};
 use crate::spectrum::xyz::xyz_to_linear_srgb;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -81,10 +81,10 @@ fn rows(image: &ExrImage) -> BTreeMap<u32, Vec<Layer>> {
 ///
 /// # Errors
 /// Where the image cannot be read.
-pub fn section(path: &Path) -> Result<String, CliError> {
+pub fn section(path: &Path) -> Result<String, ReportError> {
     let image = exr::read(path)?;
     let size = (image.crop.width(), image.crop.height());
-    let bad = |e: std::io::Error| CliError::file(path, e.to_string());
+    let bad = |e: std::io::Error| ReportError::file(path, e.to_string());
     let mut html = String::new();
     if let Some(share) = share(&image) {
         let gray: Vec<u8> = share

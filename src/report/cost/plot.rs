@@ -1,7 +1,7 @@
-//! Plots as inline SVG: curves on logarithmic axes with the spread of their seeds, a slope guide, and keys that tell them apart
-//! without color.
+//! Plots as inline SVG: curves on logarithmic axes with the spread of their seeds, a slope guide,
+//! and keys that tell them apart without color.
 
-use super::super::html::escape;
+use crate::report::html::escape;
 use std::fmt::Write as _;
 
 const WIDTH: f64 = 640.0;

@@ -1,0 +1,114 @@
+//! A scene file, read and built: the scene, its settings, and the scale of its images.
+
+use super::scene_file::{self, OutputUnits, SceneFileErrors};
+use crate::scene::frozen::Frozen;
+use crate::scene::{BuildError, Scene, Settings};
+use crate::spectrum::SensorResponse;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Why a scene file gives no scene, or not the sensor asked for.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// A scene file with problems, one line each.
+    #[error("{0}")]
+    SceneFile(#[from] SceneFileErrors),
+    /// A scene file whose parts are valid but make no scene.
+    #[error("{}: {source}", path.display())]
+    Build {
+        /// The scene file.
+        path: PathBuf,
+        /// The problem.
+        source: BuildError,
+    },
+    /// A sensor that the scene does not have.
+    #[error("unknown sensor \"{name}\" (the scene has: {there})")]
+    Sensor {
+        /// Asked for.
+        name: String,
+        /// The sensors of the scene, with commas between.
+        there: String,
+    },
+}
+
+impl LoadError {
+    /// Whether the request is wrong for this scene, rather than the scene.
+    #[must_use]
+    pub fn is_usage(&self) -> bool {
+        matches!(self, Self::Sensor { .. })
+    }
+}
+
+/// A loaded scene.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// How it is rendered.
+    pub settings: Settings,
+    /// Scale of the image.
+    pub units: OutputUnits,
+    /// Things that are legal but surely not meant.
+    pub warnings: Vec<String>,
+}
+
+/// Reads and builds a scene.
+///
+/// # Errors
+/// Where the file has problems, or its parts make no scene.
+pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Loaded, LoadError> {
+    load_frozen(path, overrides, None)
+}
+
+/// Reads and builds a scene without one of its effects.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_frozen(
+    path: &Path,
+    overrides: &[(String, String)],
+    frozen: Option<Frozen>,
+) -> Result<Loaded, LoadError> {
+    let mut file = scene_file::load(path, overrides)?;
+    if let Some(frozen) = frozen {
+        file.description.freeze(frozen);
+    }
+    let scene = Scene::build(file.description).map_err(|source| LoadError::Build {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok(Loaded {
+        scene: Arc::new(scene),
+        settings: file.settings,
+        units: file.units,
+        warnings: file.warnings,
+    })
+}
+
+impl Loaded {
+    /// The sensor of that name, the first without one.
+    ///
+    /// # Errors
+    /// Where there is no such sensor.
+    pub fn sensor(&self, name: Option<&str>) -> Result<usize, LoadError> {
+        let Some(name) = name else {
+            return Ok(0);
+        };
+        self.scene.sensor_index(name).ok_or_else(|| {
+            let names: Vec<&str> = self.scene.sensors.iter().map(|s| s.name.as_str()).collect();
+            LoadError::Sensor {
+                name: name.to_owned(),
+                there: names.join(", "),
+            }
+        })
+    }
+
+    /// Response of the main image.
+    #[must_use]
+    pub fn response(&self) -> SensorResponse {
+        match self.units {
+            OutputUnits::Radiance => SensorResponse::Xyz,
+            OutputUnits::Photometric => SensorResponse::Photometric,
+        }
+    }
+}

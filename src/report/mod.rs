@@ -1,0 +1,14 @@
+//! Studies of scenes and images: what accuracy costs, what merging shares, how images differ, as
+//! typed results with views of them (text, JSON, CSV, SVG, HTML). Prints nothing and knows no
+//! command line; progress goes to a callback.
+
+pub mod banding;
+pub mod class_tables;
+pub mod compare;
+pub mod cost;
+mod error;
+mod html;
+mod json;
+pub mod readable;
+
+pub use error::ReportError;
