@@ -1,4 +1,4 @@
-//! Materials: parameters over a surface, turned into a [`Bsdf`] at a point and at the wavelengths of a path.
+//! Materials: parameters over a surface, turned into lobes at a point and at the wavelengths of a path.
 
 use crate::bsdf::coated::{Coat, CoatedDiffuse};
 use crate::bsdf::conductor::{Conductor, Metal, Mirror};
@@ -7,11 +7,10 @@ use crate::bsdf::diffuse::Diffuse;
 use crate::bsdf::microfacet::Ggx;
 use crate::bsdf::rough_dielectric::RoughDielectric;
 use crate::bsdf::thin::Thin;
-use crate::bsdf::{Bsdf, Interface, Lobe};
+use crate::bsdf::{Interface, Lobe};
 use crate::geometry::SurfacePoint;
 use crate::spectrum::{Ior, SampledSpectrum, SampledWavelengths};
 use crate::texture::{Image, ImageTexture, ScalarTexture, SpectrumTexture};
-use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
 
@@ -327,15 +326,16 @@ pub struct Material {
 }
 
 impl Material {
-    /// The bsdf at a point. Lobes of weight 0 are left out, and any beyond the fourth.
-    #[must_use]
-    pub fn bsdf(
+    /// Appends the (weight, lobe) pairs of the point with texture coordinates `uv`. Lobes of weight 0 are left out, and any
+    /// beyond the fourth.
+    pub fn push_lobes(
         &self,
-        point: &SurfacePoint,
+        uv: DVec2,
         wavelengths: &SampledWavelengths,
         interface: &Interface,
-    ) -> Bsdf {
-        let lobes: ArrayVec<_, 4> = self
+        out: &mut Vec<(f32, Lobe)>,
+    ) {
+        let lobes = self
             .lobes
             .iter()
             .map(|(weight, spec)| {
@@ -343,16 +343,12 @@ impl Material {
                     LobeSpec::Coat { .. } => COAT_SHARE,
                     _ => 1.0,
                 };
-                (weight.eval(point.uv).clamp(0.0, 1.0) * share, spec)
+                (weight.eval(uv).clamp(0.0, 1.0) * share, spec)
             })
             .filter(|(weight, _)| *weight > 0.0)
             .take(4)
-            .map(|(weight, spec)| (weight as f32, spec.build(point.uv, wavelengths, interface)))
-            .collect();
-        Bsdf {
-            lobes,
-            interface: *interface,
-        }
+            .map(|(weight, spec)| (weight as f32, spec.build(uv, wavelengths, interface)));
+        out.extend(lobes);
     }
 
     /// Whether light crosses the surface without any vertex when the media on both sides are the same: a pure dielectric
@@ -368,7 +364,7 @@ impl Material {
     }
 
     /// Whether any lobe is specular (smooth) by its roughness. A rough interface between media of the same index is
-    /// also built as smooth, which only the [`Bsdf`] knows.
+    /// also built as smooth, which only its [`Lobe`] tells.
     #[must_use]
     pub fn has_specular(&self) -> bool {
         self.lobes
@@ -453,17 +449,19 @@ mod tests {
 
     #[test]
     fn matched_media_are_recognized_in_every_lane() {
-        let mut interface = Interface {
-            eta_above: [1.4; 8],
-            eta_below: [1.4; 8],
-            count: 4,
-            dispersive: false,
+        let (above, mut below) = ([1.4; 8], [1.4; 8]);
+        let is_matched = |below: &[f64; 8], count| {
+            is_matched(&Interface {
+                eta_above: &above,
+                eta_below: below,
+                count,
+                dispersive: false,
+            })
         };
-        assert!(is_matched(&interface));
-        interface.eta_below[3] = 1.41;
-        assert!(!is_matched(&interface));
-        interface.count = 3;
-        assert!(is_matched(&interface));
+        assert!(is_matched(&below, 4));
+        below[3] = 1.41;
+        assert!(!is_matched(&below, 4));
+        assert!(is_matched(&below, 3));
     }
 
     #[test]

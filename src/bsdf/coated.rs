@@ -93,8 +93,8 @@ mod tests {
     #[test]
     fn layer_and_white_base_reflect_all_together() {
         let interface = Interface {
-            eta_above: [1.0; MAX_LANES],
-            eta_below: [1.0; MAX_LANES],
+            eta_above: &[1.0; MAX_LANES],
+            eta_below: &[1.0; MAX_LANES],
             count: 1,
             dispersive: false,
         };

@@ -7,29 +7,29 @@ use crate::spectrum::{MAX_LANES, SampledSpectrum};
 
 /// Refractive indices on the two sides of a surface, per lane.
 #[derive(Clone, Copy, Debug)]
-pub struct Interface {
+pub struct Interface<'a> {
     /// On the side the normal points to.
-    pub eta_above: [f64; MAX_LANES],
+    pub eta_above: &'a [f64; MAX_LANES],
     /// On the other side.
-    pub eta_below: [f64; MAX_LANES],
+    pub eta_below: &'a [f64; MAX_LANES],
     /// Lanes in use.
     pub count: usize,
     /// The ratio of the two indices differs between wavelengths.
     pub dispersive: bool,
 }
 
-impl Interface {
+impl<'a> Interface<'a> {
     /// Indices on the side `above` (or not) the normal.
-    pub(crate) fn near(&self, above: bool) -> &[f64; MAX_LANES] {
+    pub(crate) fn near(&self, above: bool) -> &'a [f64; MAX_LANES] {
         if above {
-            &self.eta_above
+            self.eta_above
         } else {
-            &self.eta_below
+            self.eta_below
         }
     }
 
     /// Indices on the side `above`, then on the other.
-    pub(crate) fn sides(&self, above: bool) -> (&[f64; MAX_LANES], &[f64; MAX_LANES]) {
+    pub(crate) fn sides(&self, above: bool) -> (&'a [f64; MAX_LANES], &'a [f64; MAX_LANES]) {
         (self.near(above), self.near(!above))
     }
 

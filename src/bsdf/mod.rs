@@ -18,7 +18,6 @@ pub use interface::Interface;
 pub use lobe::Lobe;
 
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
-use arrayvec::ArrayVec;
 use glam::DVec3;
 
 /// What happened at an interior vertex of a path. A path is a list of vertices *and* labels.
@@ -120,24 +119,15 @@ pub struct BsdfSample {
 ///
 /// All lobes of a label act as one: whichever of them generated the direction, value, density and label probability are
 /// sums over all, so they depend on the directions and the label alone.
-#[derive(Clone, Debug)]
-pub struct Bsdf {
-    /// (weight, lobe); the selection probability of a lobe is its weight over the sum.
-    pub lobes: ArrayVec<(f32, Lobe), 4>,
+#[derive(Clone, Copy, Debug)]
+pub struct Bsdf<'a> {
+    /// (weight, lobe); the selection probability of a lobe is its weight over the sum. None: black.
+    pub lobes: &'a [(f32, Lobe)],
     /// Refractive indices of the two sides.
-    pub interface: Interface,
+    pub interface: Interface<'a>,
 }
 
-impl Bsdf {
-    /// The bsdf that absorbs everything.
-    #[must_use]
-    pub fn black(interface: Interface) -> Self {
-        Self {
-            lobes: ArrayVec::new(),
-            interface,
-        }
-    }
-
+impl Bsdf<'_> {
     /// Whether there is any non-specular lobe: the vertex can be connected.
     #[must_use]
     pub fn has_non_specular(&self) -> bool {
@@ -164,7 +154,7 @@ impl Bsdf {
     pub fn label_probability(&self, label: Label, w: DVec3) -> f64 {
         let (cos, above) = (w.z.abs(), w.z > 0.0);
         let mut sum = 0.0;
-        for (weight, lobe) in &self.lobes {
+        for (weight, lobe) in self.lobes {
             sum += f64::from(*weight) * lobe.label_probability(label, cos, above, &self.interface);
         }
         if sum > 0.0 {
@@ -180,7 +170,7 @@ impl Bsdf {
     #[must_use]
     pub fn specular(&self, label: Label, cos: f64, above: bool) -> SampledSpectrum {
         let mut sum = SampledSpectrum::ZERO;
-        for (weight, lobe) in &self.lobes {
+        for (weight, lobe) in self.lobes {
             sum += lobe.specular(label, cos, above, &self.interface) * *weight;
         }
         sum
@@ -189,7 +179,7 @@ impl Bsdf {
     /// The non-specular label for given directions. Both densities come with the value: they cannot disagree.
     #[must_use]
     pub fn eval(&self, w_light: DVec3, w_camera: DVec3) -> BsdfEval {
-        if let [(weight, lobe)] = &*self.lobes {
+        if let [(weight, lobe)] = self.lobes {
             // most surfaces: no sums to keep
             let mut eval = lobe
                 .eval(w_light, w_camera, &self.interface)
@@ -199,7 +189,7 @@ impl Bsdf {
         }
         let mut sum = BsdfEval::BLACK;
         let scale = 1.0 / self.total_weight();
-        for (weight, lobe) in &self.lobes {
+        for (weight, lobe) in self.lobes {
             let Some(eval) = lobe.eval(w_light, w_camera, &self.interface) else {
                 continue;
             };
@@ -265,7 +255,7 @@ impl Bsdf {
     fn choose_lobe(&self, u: f64) -> Option<(&Lobe, f64)> {
         let mut rest = u * self.total_weight();
         let mut chosen = None;
-        for (weight, lobe) in &self.lobes {
+        for (weight, lobe) in self.lobes {
             let weight = f64::from(*weight);
             if weight <= 0.0 {
                 continue;
@@ -349,7 +339,7 @@ impl Bsdf {
     pub fn albedo(&self) -> SampledSpectrum {
         let (near, far) = self.interface.sides(true);
         let mut sum = SampledSpectrum::ZERO;
-        for (weight, lobe) in &self.lobes {
+        for (weight, lobe) in self.lobes {
             let share = match lobe {
                 Lobe::Diffuse(lobe) => lobe.reflectance,
                 Lobe::Coated(lobe) => lobe.albedo(),

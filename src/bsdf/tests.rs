@@ -12,8 +12,13 @@ use thin::Thin;
 
 const ONE: SampledSpectrum = SampledSpectrum::ONE;
 
-fn interface(above: &[f64], below: &[f64]) -> Interface {
-    let fill = |v: &[f64]| std::array::from_fn(|k| v[k.min(v.len() - 1)]);
+/// Indices that live as long as the tests.
+fn kept(lanes: [f64; MAX_LANES]) -> &'static [f64; MAX_LANES] {
+    Box::leak(Box::new(lanes))
+}
+
+fn interface(above: &[f64], below: &[f64]) -> Interface<'static> {
+    let fill = |v: &[f64]| kept(std::array::from_fn(|k| v[k.min(v.len() - 1)]));
     let dispersive = above
         .iter()
         .zip(below)
@@ -26,9 +31,23 @@ fn interface(above: &[f64], below: &[f64]) -> Interface {
     }
 }
 
-fn bsdf(lobes: &[(f32, Lobe)], interface: Interface) -> Bsdf {
+/// The same with lane `hero` of the first four in front.
+fn turned(base: &Interface, hero: usize) -> Interface<'static> {
+    let turn = |eta: &[f64; MAX_LANES]| {
+        let mut eta = *eta;
+        eta[..4].rotate_left(hero);
+        kept(eta)
+    };
+    Interface {
+        eta_above: turn(base.eta_above),
+        eta_below: turn(base.eta_below),
+        ..*base
+    }
+}
+
+fn bsdf(lobes: &[(f32, Lobe)], interface: Interface<'static>) -> Bsdf<'static> {
     Bsdf {
-        lobes: lobes.iter().copied().collect(),
+        lobes: lobes.to_vec().leak(),
         interface,
     }
 }
@@ -81,7 +100,7 @@ fn random_direction(seed: u64, i: u64) -> DVec3 {
 }
 
 /// Four lanes of a strongly dispersive glass against air that is not quite 1.
-fn dispersive_interface() -> Interface {
+fn dispersive_interface() -> Interface<'static> {
     interface(&[1.0, 1.0001, 1.0002, 1.0003], &[1.5, 1.52, 1.55, 1.6])
 }
 
@@ -93,7 +112,7 @@ fn pdf_of(bsdf: &Bsdf, given: DVec3, generate: Side, w: DVec3) -> f64 {
 }
 
 /// Every lobe or mixture with a non-specular label, over interfaces in both orders.
-fn non_specular_cases() -> Vec<Bsdf> {
+fn non_specular_cases() -> Vec<Bsdf<'static>> {
     let glass = interface(&[1.0], &[1.5]);
     let flipped = interface(&[1.5], &[1.0]);
     vec![
@@ -354,10 +373,7 @@ fn columns_are_the_densities_of_rotated_heroes() {
             continue;
         };
         for k in 0..base.count {
-            let mut turned = base;
-            turned.eta_above[..4].rotate_left(k);
-            turned.eta_below[..4].rotate_left(k);
-            let hero = bsdf(&lobes, turned).eval(a, b);
+            let hero = bsdf(&lobes, turned(&base, k)).eval(a, b);
             let close = |x: f64, y: f64| (x - y).abs() <= 1e-12 * x.max(y);
             assert!(close(camera.lanes[k], hero.pdf_camera), "lane {k}");
             assert!(close(light.lanes[k], hero.pdf_light), "lane {k}");
@@ -380,10 +396,7 @@ fn lanes_combined_over_heroes_keep_their_energy() {
         let n = 20_000;
         let mut lanes = [Moments::default(); 4];
         for hero in 0..4 {
-            let mut turned = base;
-            turned.eta_above[..4].rotate_left(hero);
-            turned.eta_below[..4].rotate_left(hero);
-            let turned = bsdf(&lobes, turned);
+            let turned = bsdf(&lobes, turned(&base, hero));
             for i in 0..n {
                 let drawn = turned.sample(given, Side::Camera, uniforms(hero as u64, i));
                 for (k, moments) in lanes.iter_mut().enumerate() {
@@ -485,7 +498,7 @@ fn mixed_labels_share_their_lobes() {
         .sum();
     assert!((sum - 1.0).abs() < 1e-15);
     assert!((mixed.eval(given, given).pdf_camera - 0.25 / std::f64::consts::PI).abs() < 1e-7);
-    let black = Bsdf::black(air);
+    let black = bsdf(&[], air);
     assert!(black.sample(given, Side::Light, [0.5; 3]).is_none());
     assert_eq!(black.label_probability(Label::NonSpecular, given), 0.0);
     assert_eq!(black.eval(given, given).pdf_camera, 0.0);

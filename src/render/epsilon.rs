@@ -159,7 +159,7 @@ impl Pilot<'_> {
             };
             found.push((
                 BLUR_PIXELS * 0.5 * width.at(along) / vertex.distance,
-                0.5 * self.light_angle(path.vertices[s].point.p),
+                0.5 * self.light_angle(path.vertices[s].p),
             ));
         }
         found

@@ -1,6 +1,6 @@
 //! First-hit images: depth, normal and albedo through each pixel's centre, in the middle of the shutter.
 
-use crate::bsdf::Interface;
+use crate::bsdf::{Bsdf, Interface};
 use crate::film::Crop;
 use crate::geometry::Ray;
 use crate::scene::Scene;
@@ -61,12 +61,18 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
             let mut albedo = [0.0; 3];
             for lanes in &wavelengths {
                 let interface = Interface {
-                    eta_above: [1.0; MAX_LANES],
-                    eta_below: [1.5; MAX_LANES],
+                    eta_above: &[1.0; MAX_LANES],
+                    eta_below: &[1.5; MAX_LANES],
                     count: lanes.count(),
                     dispersive: false,
                 };
-                let colour = material.bsdf(&point, lanes, &interface).albedo();
+                let mut lobes = Vec::new();
+                material.push_lobes(point.uv, lanes, &interface, &mut lobes);
+                let bsdf = Bsdf {
+                    lobes: &lobes,
+                    interface,
+                };
+                let colour = bsdf.albedo();
                 for j in 0..lanes.count() {
                     let share = f64::from(colour[j])
                         / lanes.pdf(j)

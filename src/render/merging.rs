@@ -126,7 +126,7 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
             let mut length = 0.0;
             for vertex in &workspace.camera_subpath().vertices {
                 length += vertex.distance;
-                if vertex.bsdf.has_non_specular() {
+                if vertex.has_non_specular {
                     widths.push(width.at(length));
                     break;
                 }

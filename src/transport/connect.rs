@@ -7,23 +7,24 @@
 mod at_light;
 mod at_photon;
 mod at_sensor;
+mod end;
 
 pub use at_photon::Photons;
+pub use end::Receiver;
 
 use super::class::PathClass;
 use super::context::{Counters, PathContext};
 use super::contribution::{Contribution, Target};
-use super::density::{Edge, EdgeDensity, PathView, VertexDensity};
-use super::mis::{Multipliers, Technique, delivers_to_all, denominator};
-use super::regularize::specular_kernel;
+use super::density::{PathView, VertexDensity};
+use super::mis::{Multipliers, Technique, denominator, serves_all_lanes};
+use super::strategies::StrategySet;
 use super::subpath::{Subpath, Vertex};
-use super::techniques::Techniques;
-use crate::bsdf::{BsdfEval, Label, LaneDensity};
-use crate::geometry::{EndPoint, Ray, SurfacePoint};
+use crate::geometry::{DirectionalDensity, EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
 use crate::medium::Region;
 use crate::sampler::StreamSampler;
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
+use end::EndLabels;
 use glam::DVec3;
 
 /// Joins the two sub-paths of one sample and collects what they give.
@@ -32,15 +33,14 @@ pub struct Joiner<'a> {
     /// What the path pair shares.
     pub context: &'a PathContext<'a>,
     /// Which strategies are executed.
-    pub techniques: &'a Techniques<'a>,
+    pub strategies: &'a StrategySet<'a>,
     /// At most this many scattering vertices on a path.
     pub max_depth: usize,
-    /// Neither lights without extent nor this camera have an image of each other in mirrors: paths of specular vertices alone
-    /// between them are left out.
-    pub hide_points: bool,
+    /// All-specular paths between a delta light and a pinhole are left out: an image of measure zero.
+    pub skip_point_images: bool,
     /// Also compute the raw (unweighted) value of each contribution.
     pub with_raw: bool,
-    /// Each photon that is merged gives a contribution of its own; else one camera vertex gives one.
+    /// Contributions have their class, and each photon that is merged gives one of its own; else one camera vertex gives one.
     pub detailed: bool,
     /// Numbers for connections.
     pub numbers: StreamSampler,
@@ -48,77 +48,27 @@ pub struct Joiner<'a> {
     pub counters: &'a mut Counters,
     /// Contributions found.
     pub out: &'a mut Vec<Contribution>,
-    /// Scratch: densities of a light sub-path with its arrival at the detector.
-    pub arrival: &'a mut Vec<VertexDensity>,
+    /// Buffers.
+    pub scratch: &'a mut Scratch,
 }
 
-/// The two directional densities of an evaluated vertex.
-fn densities(eval: &BsdfEval) -> (EdgeDensity, EdgeDensity) {
-    let lanes = |l: &LaneDensity| l.lanes;
-    (
-        EdgeDensity {
-            hero: eval.pdf_camera,
-            lanes: eval.columns.as_ref().map(|c| lanes(&c.0)),
-        },
-        EdgeDensity {
-            hero: eval.pdf_light,
-            lanes: eval.columns.as_ref().map(|c| lanes(&c.1)),
-        },
-    )
+/// Buffers that joining reuses from sample to sample.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    /// Densities of a light sub-path with its arrival at the detector.
+    arrival: Vec<VertexDensity>,
+    /// Products of densities over the end of a path.
+    suffix: Vec<f64>,
 }
 
-/// A surface point as an end point.
-#[must_use]
-pub fn end_point(point: &SurfacePoint) -> EndPoint {
-    EndPoint {
-        p: point.p,
-        n: point.ng,
-        surface: Some(point.id),
-        infinite: false,
-    }
-}
-
-/// What turns a density of direction at x₁ (towards the light, at `distance`) into a density of x₀.
-#[must_use]
-pub fn light_end_factor(light: &Light, x0: &EndPoint, toward: DVec3, distance: f64) -> f64 {
-    match light.hit_measure() {
-        HitMeasure::Area => x0.cos(toward) / (distance * distance),
-        HitMeasure::SolidAngle => 1.0,
-        HitMeasure::Never => 0.0,
-    }
-}
-
-/// The labels an end of the joining edge can have, at most one of each kind.
-#[derive(Clone, Copy, Debug)]
-enum EndKind {
-    NonSpecular,
-    Specular,
-}
-
-impl EndKind {
-    const ALL: [Self; 2] = [Self::NonSpecular, Self::Specular];
-}
-
-/// How an end of the joining edge scatters under one label.
-struct EndKernel {
-    label: Label,
-    dispersive: bool,
-    /// `g`; `A g` of a specular label.
-    kernel: SampledSpectrum,
-    /// Density of ω⁺ given ω⁻; the label's probability of a specular one.
-    forward: EdgeDensity,
-    /// Density of ω⁻ given ω⁺.
-    backward: EdgeDensity,
-}
-
-/// A numerator, still without its weight: what all lanes share and each lane's factor.
+/// A numerator, still without its weight: the factor of all lanes and each lane's own.
 struct Numerator {
     scale: f64,
     lanes: SampledSpectrum,
 }
 
-/// Who made a path, and what it needs to be counted.
-struct Strategy<'p> {
+/// A complete path as its strategy sees it, and the pixel it lands on.
+struct Candidate<'p> {
     view: PathView<'p>,
     target: Target,
 }
@@ -126,110 +76,44 @@ struct Strategy<'p> {
 impl<'a> Joiner<'a> {
     /// Whether strategy (s, t) is executed and allowed by the depth limit.
     fn wants(&self, s: usize, t: usize) -> bool {
-        s + t <= self.max_depth.saturating_add(2) && self.techniques.samples(s, t, false) > 0.0
+        s + t <= self.max_depth.saturating_add(2)
+            && self.strategies.samples(Technique::Join(s), s + t, false) > 0.0
     }
 
     /// Whether a joining edge may end at the vertex.
     fn is_connectible(&self, vertex: &Vertex) -> bool {
-        vertex.bsdf.has_non_specular() || self.is_regularized(vertex)
+        vertex.has_non_specular || self.is_regularized(vertex)
     }
 
     /// Whether a joining edge may end at the vertex under a specular label.
     fn is_regularized(&self, vertex: &Vertex) -> bool {
-        self.techniques.cone.is_some() && vertex.bsdf.has_specular()
-    }
-
-    /// How a vertex scatters between ω⁻ and ω⁺ under its non-specular label.
-    fn non_specular_end(
-        &self,
-        vertex: &Vertex,
-        w_light: DVec3,
-        w_camera: DVec3,
-    ) -> Option<EndKernel> {
-        if !vertex.bsdf.has_non_specular() {
-            return None;
-        }
-        let eval = vertex.bsdf.eval(
-            vertex.frame.to_local(w_light),
-            vertex.frame.to_local(w_camera),
-        );
-        if eval.g.is_black(self.context.count()) {
-            return None;
-        }
-        let (forward, backward) = densities(&eval);
-        Some(EndKernel {
-            label: Label::NonSpecular,
-            dispersive: false,
-            kernel: eval.g,
-            forward,
-            backward,
-        })
-    }
-
-    /// The same under the specular label of the two directions' sides, within the cone.
-    fn specular_end(&self, vertex: &Vertex, w_light: DVec3, w_camera: DVec3) -> Option<EndKernel> {
-        let cone = self.techniques.cone.as_ref()?;
-        if !vertex.bsdf.has_specular() {
-            return None;
-        }
-        let (w_light, w_camera) = (
-            vertex.frame.to_local(w_light),
-            vertex.frame.to_local(w_camera),
-        );
-        let found = specular_kernel(&vertex.bsdf, w_light, w_camera, cone)?;
-        let probability = |w| EdgeDensity::uniform(vertex.bsdf.label_probability(found.label, w));
-        Some(EndKernel {
-            label: found.label,
-            dispersive: found.dispersive,
-            kernel: found.kernel,
-            forward: probability(w_light),
-            backward: probability(w_camera),
-        })
-    }
-
-    /// How a vertex scatters between ω⁻ and ω⁺ under its label of a kind.
-    fn end(
-        &self,
-        kind: EndKind,
-        vertex: &Vertex,
-        w_light: DVec3,
-        w_camera: DVec3,
-    ) -> Option<EndKernel> {
-        match kind {
-            EndKind::NonSpecular => self.non_specular_end(vertex, w_light, w_camera),
-            EndKind::Specular => self.specular_end(vertex, w_light, w_camera),
-        }
+        self.strategies.cone.is_some() && vertex.has_specular
     }
 
     fn light(&self, id: LightId) -> &'a Light {
         &self.context.scene.lights[id.0 as usize]
     }
 
-    /// η² T_L T_C ... : a numerator from two throughputs and the kernels between them.
-    fn numerator(parts: &[&SampledSpectrum], scale: f64) -> Numerator {
-        let mut lanes = SampledSpectrum::ONE;
-        for part in parts {
-            lanes *= **part;
-        }
-        Numerator { scale, lanes }
-    }
-
-    /// Weighs, plays roulette, looks, and notes the contribution.
+    /// Applies the MIS weight, Russian roulette and the visibility test, then records the contribution.
     fn finish(
         &mut self,
         numerator: &Numerator,
-        strategy: &Strategy,
+        candidate: &Candidate,
         segment: Option<(&Ray, &Region)>,
     ) {
-        let view = &strategy.view;
-        if self.hide_points && !view.hittable_light && PathClass::of(view).is_all_specular() {
+        let view = &candidate.view;
+        if self.skip_point_images && !view.hittable_light && view.is_all_specular() {
             return;
         }
         #[cfg(test)]
-        super::record::record(view, self.techniques, segment.map(|(ray, _)| ray));
+        super::record::record(view, self.strategies, segment.map(|(ray, _)| ray));
         let count = self.context.count();
-        let multipliers = Multipliers::new(view, self.techniques);
-        let weights = denominator(&multipliers, self.context.wavelengths());
+        let multipliers = Multipliers::new(view, self.strategies);
+        let weights = denominator(
+            &multipliers,
+            &self.context.wavelengths,
+            &mut self.scratch.suffix,
+        );
         if weights.numerator == 0.0 && !self.with_raw {
             return;
         }
@@ -264,88 +148,62 @@ impl<'a> Joiner<'a> {
         }
         self.counters.connections_made += 1;
         let s = view.s();
-        let mut raw = [0.0; MAX_LANES];
-        if self.with_raw {
-            let alone = multipliers.plain(s);
-            let shared = delivers_to_all(view, view.dispersive_count(), Technique::Join(s));
-            for (j, value) in raw.iter_mut().enumerate().take(count) {
-                let techniques = if shared {
-                    count
-                } else {
-                    self.context.wavelengths().multiplicity(j)
-                };
-                let lane = numerator.scale * f64::from(numerator.lanes[j]);
-                *value = lane / (alone * techniques as f64 * survival);
-            }
-        }
+        let made = Technique::Join(s);
+        let raw = if self.with_raw {
+            let shared = serves_all_lanes(view, view.dispersive_count(), made);
+            let value = |j| numerator.scale * f64::from(numerator.lanes[j]);
+            self.raw(value, multipliers.plain(made), shared, survival)
+        } else {
+            [0.0; MAX_LANES]
+        };
         for lane in &mut lanes {
             *lane /= survival;
         }
         self.out.push(Contribution {
-            target: strategy.target,
+            target: candidate.target,
             lanes,
             raw,
             s: s as u32,
             t: view.camera.len() as u32,
             regularized: multipliers.regularized(s) as u8,
             merged: false,
-            class: PathClass::of(view),
+            class: if self.detailed {
+                PathClass::of(view)
+            } else {
+                PathClass::default()
+            },
         });
     }
 
-    /// Density `pf` of the vertex before camera vertex `j` (x_k for j = 0), from the density of direction at `j`.
-    fn camera_before(&self, camera: &Subpath, j: usize, forward: &EdgeDensity) -> EdgeDensity {
-        forward.scaled(self.camera_before_factor(camera, j))
-    }
-
-    /// What turns a density of direction at camera vertex `j` into the density of the vertex before it.
-    #[must_use]
-    pub fn camera_before_factor(&self, camera: &Subpath, j: usize) -> f64 {
-        let vertex = &camera.vertices[j];
-        camera.factor_before(j, || {
-            self.sensor_end_factor(&camera.origin, vertex.toward_previous, vertex.distance)
-        })
-    }
-
-    /// Density `pr` of the vertex before light vertex `i` (x₀ for i = 0), from the density of direction at `i`.
-    fn light_before(&self, light: &Subpath, i: usize, reverse: &EdgeDensity) -> EdgeDensity {
-        let vertex = &light.vertices[i];
-        let factor = light.factor_before(i, || match light.light {
-            Some(id) => light_end_factor(
-                self.light(id),
-                &light.origin,
-                vertex.toward_previous,
-                vertex.distance,
-            ),
-            None => 0.0,
-        });
-        reverse.scaled(factor)
-    }
-
-    /// What turns a density of direction towards the sensor into a density of x_k: 0 where it cannot be hit.
-    #[must_use]
-    pub fn sensor_end_factor(&self, xk: &EndPoint, toward: DVec3, distance: f64) -> f64 {
-        if self.techniques.hittable_sensor {
-            xk.cos(toward) / (distance * distance)
-        } else {
-            0.0
-        }
-    }
-
-    /// Emission densities of x₀ and of the next vertex, whose cosine to the segment is `cos`: (`pf_0`, `pf_1`).
-    fn emission(
+    /// The estimate of a technique alone, executed `samples` times, from its numerators `value`, which all lanes share or only
+    /// those of one wavelength.
+    fn raw(
         &self,
-        id: LightId,
-        x0: &EndPoint,
-        direction: DVec3,
-        cos: f64,
-        distance: f64,
-    ) -> (f64, f64) {
+        value: impl Fn(usize) -> f64,
+        samples: f64,
+        shared: bool,
+        survival: f64,
+    ) -> [f64; MAX_LANES] {
+        let mut raw = [0.0; MAX_LANES];
+        let count = self.context.count();
+        for (j, raw) in raw.iter_mut().enumerate().take(count) {
+            let heroes = if shared {
+                count
+            } else {
+                self.context.wavelengths.multiplicity(j)
+            };
+            *raw = value(j) / (samples * heroes as f64 * survival);
+        }
+        raw
+    }
+
+    /// Emission densities of x₀ and of the direction in which its light leaves.
+    fn emission(&self, id: LightId, x0: &EndPoint, direction: DVec3) -> (f64, DirectionalDensity) {
         let (pdf_x0, pdf_direction) =
             self.light(id)
                 .emission_density(&self.context.light_context(), x0, direction);
-        let next = pdf_direction.area_density(cos, distance * distance);
-        (self.context.scene.selection.probability(id) * pdf_x0, next)
+        let pf0 = self.context.scene.selection.probability(id) * pdf_x0;
+        (pf0, pdf_direction)
     }
 
     /// Whether camera sub-paths can hit the light of a light sub-path.
@@ -353,10 +211,18 @@ impl<'a> Joiner<'a> {
         id.is_some_and(|id| self.light(id).hit_measure() != HitMeasure::Never)
     }
 
-    /// s, t >= 2: light vertex `i` is connected to camera vertex `j`; under non-specular labels of both only if `plain`.
-    pub fn pair(&mut self, light: &Subpath, i: usize, camera: &Subpath, j: usize, plain: bool) {
+    /// s, t >= 2: light vertex `i` is connected to camera vertex `j`. `with_rough_pair`: also under the two non-specular labels
+    /// (chosen with `pair_probability`).
+    fn pair(
+        &mut self,
+        light: &Subpath,
+        i: usize,
+        camera: &Subpath,
+        j: usize,
+        with_rough_pair: bool,
+    ) {
         let (a, b) = (&light.vertices[i], &camera.vertices[j]);
-        let offset = b.point.p - a.point.p;
+        let offset = b.p - a.p;
         let d2 = offset.length_squared();
         if d2 == 0.0 {
             return;
@@ -370,92 +236,32 @@ impl<'a> Joiner<'a> {
         if !sides_agree {
             return;
         }
-        let region = a.region(w);
-        if region.medium != b.region(-w).medium {
+        if a.region(w).medium != b.region(-w).medium {
             // most such pairs are simply on different sides of an interface: no path joins them
             return;
         }
         self.counters.connections_tried += 1;
         // the labels of one end that are worth trying depend on those of the other; a missed cone ends it early
-        let specular_b = self.specular_end(b, -w, b.toward_previous);
-        let non_specular_a = if plain || specular_b.is_some() {
-            self.non_specular_end(a, a.toward_previous, w)
-        } else {
-            None
-        };
-        let specular_a = self.specular_end(a, a.toward_previous, w);
-        if non_specular_a.is_none() && specular_a.is_none() {
+        let (mut labels_a, mut labels_b) = (EndLabels::new(), EndLabels::new());
+        let specular_b = self.specular_label(camera, j, -w);
+        if with_rough_pair || specular_b.is_some() {
+            labels_a.extend(self.rough_label(light, i, w));
+        }
+        let specular_a = self.specular_label(light, i, w);
+        if labels_a.is_empty() && specular_a.is_none() {
             return;
         }
-        let non_specular_b = if plain || specular_a.is_some() {
-            self.non_specular_end(b, -w, b.toward_previous)
-        } else {
-            None
-        };
-        for at_a in non_specular_a.iter().chain(&specular_a) {
-            for at_b in non_specular_b.iter().chain(&specular_b) {
-                let regularized = at_a.label.is_specular() || at_b.label.is_specular();
-                if plain || regularized {
-                    self.join((light, i, at_a), (camera, j, at_b), (w, distance), *region);
-                }
-            }
+        if with_rough_pair || specular_a.is_some() {
+            labels_b.extend(self.rough_label(camera, j, -w));
         }
-    }
-
-    /// One pair of labels of a pair of vertices, whose edge is `w`, from light to camera, and `distance` long.
-    fn join(
-        &mut self,
-        (light, i, at_a): (&Subpath, usize, &EndKernel),
-        (camera, j, at_b): (&Subpath, usize, &EndKernel),
-        (w, distance): (DVec3, f64),
-        region: Region,
-    ) {
-        let (a, b) = (&light.vertices[i], &camera.vertices[j]);
-        let d2 = distance * distance;
-        let cos_a = w.dot(a.point.ng).abs();
-        let cos_b = w.dot(b.point.ng).abs();
-        let edge = Edge {
-            light_end: at_b.backward.scaled(cos_a / d2),
-            light_before: self.light_before(light, i, &at_a.backward),
-            camera_end: at_a.forward.scaled(cos_b / d2),
-            camera_before: self.camera_before(camera, j, &at_b.forward),
-            light_label: at_a.label,
-            camera_label: at_b.label,
-            length: distance as f32,
-            light_dispersive: at_a.dispersive,
-            camera_dispersive: at_b.dispersive,
-        };
-        let strategy = Strategy {
-            view: PathView {
-                light: &light.densities[..i + 2],
-                camera: &camera.densities[..j + 2],
-                light_columns: &light.columns,
-                camera_columns: &camera.columns,
-                edge,
-                direct: light.direct,
-                hittable_light: self.is_hittable(light.light),
-            },
-            target: Target::OwnPixel,
-        };
-        let numerator = Self::numerator(
-            &[
-                &a.throughput.lanes,
-                &b.throughput.lanes,
-                &at_a.kernel,
-                &at_b.kernel,
-                &self.context.eta_squared(region.medium),
-                &self.context.medium(region.medium).transmittance(distance),
-            ],
-            a.throughput.scale
-                * b.throughput.scale
-                * cos_a
-                * a.light_side_correction(a.toward_previous)
-                * w.dot(b.point.ns).abs()
-                / d2,
-        );
-        let ray = Ray::leaving(a.point.p, w, self.context.time, Some(a.point.id))
-            .ending(distance, Some(b.point.id));
-        self.finish(&numerator, &strategy, Some((&ray, &region)));
+        labels_a.extend(specular_a);
+        labels_b.extend(specular_b);
+        if labels_b.is_empty() {
+            return;
+        }
+        let at_a = self.vertex_end(light, i, w, &labels_a);
+        let at_b = self.vertex_end(camera, j, -w, &labels_b);
+        self.join(&at_a, &at_b, (w, distance), with_rough_pair);
     }
 
     /// All pairs s, t >= 2 that the depth limit and the choice of pairs allow.
@@ -464,8 +270,8 @@ impl<'a> Joiner<'a> {
         let mut used = 4;
         for i in 0..light.vertices.len() {
             let a = &light.vertices[i];
-            let (plain_a, specular_a) = (a.bsdf.has_non_specular(), self.is_regularized(a));
-            if !plain_a && !specular_a {
+            let (rough_a, specular_a) = (a.has_non_specular, self.is_regularized(a));
+            if !rough_a && !specular_a {
                 continue;
             }
             for j in 0..camera.vertices.len() {
@@ -474,19 +280,19 @@ impl<'a> Joiner<'a> {
                     break;
                 }
                 let b = &camera.vertices[j];
-                let mut plain = plain_a && b.bsdf.has_non_specular();
-                let probability = self.techniques.samples(s, t, false);
-                if plain && probability < 1.0 {
+                let mut with_rough_pair = rough_a && b.has_non_specular;
+                let probability = self.strategies.samples(Technique::Join(s), s + t, false);
+                if with_rough_pair && probability < 1.0 {
                     if used == 4 {
                         numbers = self.numbers.next4();
                         used = 0;
                     }
                     used += 1;
-                    plain = numbers[used - 1] < probability;
+                    with_rough_pair = numbers[used - 1] < probability;
                 }
                 let allowed = probability > 0.0;
-                if plain || allowed && (specular_a || self.is_regularized(b)) {
-                    self.pair(light, i, camera, j, plain);
+                if with_rough_pair || allowed && (specular_a || self.is_regularized(b)) {
+                    self.pair(light, i, camera, j, with_rough_pair);
                 }
             }
         }

@@ -4,7 +4,8 @@
 //! `pr_i` when it is generated from the sensor side. The 1/A of specular vertices is left out of both (their label probability q
 //! stands alone), so every density is a finite number and deltas need no flags.
 
-use crate::bsdf::Label;
+use crate::bsdf::{BsdfEval, Label, LaneDensity};
+use crate::geometry::DirectionalDensity;
 use crate::spectrum::MAX_LANES;
 
 /// Per-lane densities of one vertex.
@@ -24,7 +25,7 @@ pub struct VertexDensity {
     pub own_column: u32,
     /// The same for `other`.
     pub other_column: u32,
-    /// Distance to the vertex generated before; infinite from a light at infinity. Only compared, so few digits do.
+    /// Distance to the vertex generated before; infinite from a light at infinity. f32 suffices: only compared.
     pub length: f32,
     /// What was drawn here (end points: non-specular).
     pub label: Label,
@@ -64,12 +65,62 @@ impl EdgeDensity {
         Self { hero, lanes: None }
     }
 
+    /// Every lane's where there are any.
+    #[must_use]
+    pub fn with_lanes(hero: f64, lanes: Option<&LaneDensity>) -> Self {
+        Self {
+            hero,
+            lanes: lanes.map(|l| l.lanes),
+        }
+    }
+
+    /// Densities of direction of an evaluated vertex: ω⁺ given ω⁻, and ω⁻ given ω⁺.
+    #[must_use]
+    pub fn of(eval: &BsdfEval) -> (Self, Self) {
+        let columns = eval.columns.as_ref();
+        (
+            Self::with_lanes(eval.pdf_camera, columns.map(|c| &c.0)),
+            Self::with_lanes(eval.pdf_light, columns.map(|c| &c.1)),
+        )
+    }
+
     /// Times a geometric factor.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         Self {
             hero: self.hero * factor,
             lanes: self.lanes.map(|l| l.map(|v| v * factor)),
+        }
+    }
+}
+
+/// Density of the direction in which an edge leaves a vertex.
+#[derive(Clone, Copy, Debug)]
+pub enum Departure {
+    /// An end point of a path.
+    Start(DirectionalDensity),
+    /// A scattering vertex, per solid angle.
+    Scattered(EdgeDensity),
+}
+
+impl Departure {
+    /// Area density of the next vertex, at distance² `d2`, whose geometric normal makes `cos` with the edge.
+    #[must_use]
+    pub fn area_density(&self, cos: f64, d2: f64) -> EdgeDensity {
+        match self {
+            Self::Start(pdf) => EdgeDensity::uniform(pdf.area_density(cos, d2)),
+            Self::Scattered(pdf) => pdf.scaled(cos / d2),
+        }
+    }
+
+    /// Density of the direction itself.
+    #[must_use]
+    pub fn solid_angle(&self) -> EdgeDensity {
+        match self {
+            Self::Start(
+                DirectionalDensity::SolidAngle(pdf) | DirectionalDensity::Perpendicular(pdf),
+            ) => EdgeDensity::uniform(*pdf),
+            Self::Scattered(pdf) => *pdf,
         }
     }
 }
@@ -272,6 +323,13 @@ impl PathView<'_> {
             || self.edge.camera_label.is_specular()
             || inner(self.light)
             || inner(self.camera)
+    }
+
+    /// Whether every scattering vertex is specular, of at least one.
+    #[must_use]
+    pub fn is_all_specular(&self) -> bool {
+        let end = self.len() - 1;
+        end > 1 && (1..end).all(|i| self.is_specular(i))
     }
 
     /// Number of dispersive vertices.

@@ -203,18 +203,24 @@ mod tests {
     use crate::math::sampling::uniform_cone;
     use proptest::prelude::*;
 
-    fn bsdf(lobe: Lobe, eta_above: f64, eta_below: f64) -> Bsdf {
-        let mut bsdf = Bsdf::black(Interface {
-            eta_above: [eta_above; MAX_LANES],
-            eta_below: [eta_below; MAX_LANES],
-            count: 4,
-            dispersive: false,
-        });
-        bsdf.lobes.push((1.0, lobe));
-        bsdf
+    /// Indices that live as long as the tests.
+    fn kept(eta: [f64; MAX_LANES]) -> &'static [f64; MAX_LANES] {
+        Box::leak(Box::new(eta))
     }
 
-    fn mirror() -> Bsdf {
+    fn bsdf(lobe: Lobe, eta_above: f64, eta_below: f64) -> Bsdf<'static> {
+        Bsdf {
+            lobes: vec![(1.0, lobe)].leak(),
+            interface: Interface {
+                eta_above: kept([eta_above; MAX_LANES]),
+                eta_below: kept([eta_below; MAX_LANES]),
+                count: 4,
+                dispersive: false,
+            },
+        }
+    }
+
+    fn mirror() -> Bsdf<'static> {
         bsdf(
             Lobe::Mirror(Mirror::Perfect(SampledSpectrum::ONE)),
             1.3,
@@ -222,7 +228,7 @@ mod tests {
         )
     }
 
-    fn glass(eta_above: f64, eta_below: f64) -> Bsdf {
+    fn glass(eta_above: f64, eta_below: f64) -> Bsdf<'static> {
         bsdf(
             Lobe::Dielectric(Dielectric {
                 reflect_tint: SampledSpectrum::ONE,
@@ -319,9 +325,7 @@ mod tests {
     fn each_lane_has_its_own_cone() {
         let mut bsdf = glass(1.0, 1.7);
         bsdf.interface.dispersive = true;
-        for k in 0..4 {
-            bsdf.interface.eta_below[k] = 1.7 + 0.03 * k as f64;
-        }
+        bsdf.interface.eta_below = kept(std::array::from_fn(|k| 1.7 + 0.03 * k as f64));
         let rare = at_elevation(0.5);
         let toward =
             |k: usize| fresnel::refract(rare, DVec3::Z, 1.0, bsdf.interface.eta_below[k]).unwrap();

@@ -1,23 +1,27 @@
 //! Sub-paths: contiguous, reusable, complete enough to be joined by any strategy.
 
+use super::context::PathContext;
 use super::density::{Column, EdgeDensity, NO_COLUMN, VertexDensity};
+use super::regularize::{Cone, SpecularKernel, specular_kernel};
 use super::throughput::Throughput;
-use crate::bsdf::Bsdf;
-use crate::geometry::{EndPoint, SurfacePoint};
+use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Lobe, Side};
+use crate::geometry::{EndPoint, SurfaceId};
 use crate::light::LightId;
 use crate::math::frame::Frame;
 use crate::medium::{MediumId, Region};
 use glam::{DVec2, DVec3};
 
-/// A scattering vertex of a sub-path.
+/// A scattering vertex of a sub-path. Its lobes are held by the sub-path: [`Subpath::scatterer`].
 #[derive(Clone, Debug)]
 pub struct Vertex {
-    /// Local geometry.
-    pub point: SurfacePoint,
-    /// Basis around the shading normal.
+    /// Position.
+    pub p: DVec3,
+    /// Unit geometric normal.
+    pub ng: DVec3,
+    /// Basis around the shading normal, its z axis.
     pub frame: Frame,
-    /// What scatters there.
-    pub bsdf: Bsdf,
+    /// Face and instance.
+    pub id: SurfaceId,
     /// The media on the side the normal points to, and on the other.
     pub regions: [Region; 2],
     /// Unit direction towards the previous vertex.
@@ -26,32 +30,116 @@ pub struct Vertex {
     pub distance: f64,
     /// Weight up to and including the arrival here, in basic units.
     pub throughput: Throughput,
-    /// The light this surface is, if it emits.
-    pub light: Option<LightId>,
+    /// First of its lobes in the sub-path.
+    pub(super) first_lobe: u32,
+    /// Number of its lobes.
+    pub(super) lobes: u8,
+    /// Some lobe is non-specular: the vertex can be connected.
+    pub has_non_specular: bool,
+    /// Some lobe is specular.
+    pub has_specular: bool,
 }
 
+// an upper bound on what a walk writes and a connection reads per vertex: four lines of cache
+const _: () = assert!(size_of::<Vertex>() < 256);
+
 impl Vertex {
+    /// The vertex as an end point.
+    #[must_use]
+    pub fn end_point(&self) -> EndPoint {
+        EndPoint {
+            p: self.p,
+            n: self.ng,
+            surface: Some(self.id),
+            infinite: false,
+        }
+    }
+
+    /// Cosine between `w` and the geometric normal, which conversions of densities to area take.
+    #[must_use]
+    pub fn cos(&self, w: DVec3) -> f64 {
+        w.dot(self.ng).abs()
+    }
+
+    /// Cosine between `w` and the shading normal, which kernels take.
+    #[must_use]
+    pub fn shading_cos(&self, w: DVec3) -> f64 {
+        w.dot(self.frame.z).abs()
+    }
+
     /// The region in which unit direction `w` leaves the vertex.
     #[must_use]
     pub fn region(&self, w: DVec3) -> &Region {
-        &self.regions[usize::from(self.point.ng.dot(w) < 0.0)]
+        &self.regions[usize::from(self.ng.dot(w) < 0.0)]
     }
 
     /// Whether the geometric and the shading normal agree about the side of `w`. Where they do not, nothing is scattered.
     #[must_use]
     pub fn sides_agree(&self, w: DVec3) -> bool {
-        self.point.ng.dot(w) * self.point.ns.dot(w) > 0.0
+        self.ng.dot(w) * self.frame.z.dot(w) > 0.0
     }
 
     /// `|ω⁻·n_s| / |ω⁻·n_g|`: what interpolated normals put on every vertex, always for the light side's direction.
     #[must_use]
     pub fn light_side_correction(&self, w_light: DVec3) -> f64 {
-        if self.point.ns == self.point.ng {
+        if self.frame.z == self.ng {
             1.0
         } else {
-            (w_light.dot(self.point.ns) / w_light.dot(self.point.ng)).abs()
+            (w_light.dot(self.frame.z) / w_light.dot(self.ng)).abs()
         }
     }
+}
+
+/// Scattering at a vertex between unit directions of world space.
+#[derive(Clone, Copy, Debug)]
+pub struct Scatterer<'a> {
+    frame: &'a Frame,
+    /// Lobes and indices, in the local frame.
+    pub bsdf: Bsdf<'a>,
+}
+
+impl Scatterer<'_> {
+    /// Value and densities of the non-specular label: [`Bsdf::eval`].
+    #[must_use]
+    pub fn eval(&self, w_light: DVec3, w_camera: DVec3) -> BsdfEval {
+        self.bsdf
+            .eval(self.frame.to_local(w_light), self.frame.to_local(w_camera))
+    }
+
+    /// The kernel of the specular label that the sides of both directions select, and the probabilities of that label for
+    /// ω⁻ and for ω⁺. `None` outside the cone.
+    #[must_use]
+    pub fn specular(
+        &self,
+        w_light: DVec3,
+        w_camera: DVec3,
+        cone: &Cone,
+    ) -> Option<(SpecularKernel, [f64; 2])> {
+        let directions = [w_light, w_camera].map(|w| self.frame.to_local(w));
+        let found = specular_kernel(&self.bsdf, directions[0], directions[1], cone)?;
+        let probability = |w| self.bsdf.label_probability(found.label, w);
+        Some((found, directions.map(probability)))
+    }
+
+    /// Draws the direction of side `generate` for the `given` one, from the label and two numbers: [`Bsdf::sample`], and
+    /// the direction in world space.
+    #[must_use]
+    pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<(BsdfSample, DVec3)> {
+        let sample = self.bsdf.sample(self.frame.to_local(given), generate, u)?;
+        let w = self.frame.to_outer(sample.w);
+        Some((sample, w))
+    }
+}
+
+/// A camera sub-path's arrival at a surface that emits.
+#[derive(Clone, Copy, Debug)]
+pub struct LightHit {
+    /// Index of the vertex there.
+    pub vertex: usize,
+    /// The light.
+    pub light: LightId,
+    /// Texture coordinates of the point.
+    pub uv: DVec2,
 }
 
 /// A light sub-path's arrival at a detector.
@@ -60,7 +148,7 @@ pub struct SensorHit {
     /// How many scattering vertices came before.
     pub depth: usize,
     /// The point on the detector, as an end point.
-    pub xk: EndPoint,
+    pub x_sensor: EndPoint,
     /// Where on the film.
     pub raster: DVec2,
     /// `W_e` there.
@@ -106,6 +194,10 @@ pub struct Subpath {
     pub densities: Vec<VertexDensity>,
     /// Per-lane densities of the vertices that have them.
     pub columns: Vec<Column>,
+    /// (weight, lobe) pairs of all vertices.
+    pub lobes: Vec<(f32, Lobe)>,
+    /// Emitting surfaces that a camera sub-path arrived at, in its order.
+    pub light_hits: Vec<LightHit>,
     /// Detector hits of a light sub-path.
     pub sensor_hits: Vec<SensorHit>,
     /// How it left the scene, if it did.
@@ -130,6 +222,8 @@ impl Default for Subpath {
             vertices: Vec::new(),
             densities: Vec::new(),
             columns: Vec::new(),
+            lobes: Vec::new(),
+            light_hits: Vec::new(),
             sensor_hits: Vec::new(),
             escape: None,
         }
@@ -146,9 +240,35 @@ impl Subpath {
         self.vertices.clear();
         self.densities.clear();
         self.columns.clear();
+        self.lobes.clear();
+        self.light_hits.clear();
         self.sensor_hits.clear();
         self.escape = None;
         self.densities.push(VertexDensity::new(pdf));
+    }
+
+    /// Of two things, the one `before` a vertex and the one `after` it on this sub-path, that of the light side first.
+    #[must_use]
+    pub fn ordered<T>(&self, before: T, after: T) -> (T, T) {
+        if self.light.is_some() {
+            (before, after)
+        } else {
+            (after, before)
+        }
+    }
+
+    /// Scattering at vertex `i`.
+    #[must_use]
+    pub fn scatterer<'a>(&'a self, i: usize, context: &PathContext<'a>) -> Scatterer<'a> {
+        let vertex = &self.vertices[i];
+        let first = vertex.first_lobe as usize;
+        Scatterer {
+            frame: &vertex.frame,
+            bsdf: Bsdf {
+                lobes: &self.lobes[first..first + usize::from(vertex.lobes)],
+                interface: context.interface(&vertex.regions),
+            },
+        }
     }
 
     /// Density of vertex `i` (0: the end point) from its own side, of all lanes.
@@ -172,14 +292,14 @@ impl Subpath {
         }
     }
 
-    /// What turns a density of direction at vertex `i` into a density of the vertex before it; `at_end` says so of the start.
+    /// Jacobian from solid angle at vertex `i` to the measure of the vertex before it; `at_end` gives it for the start.
     #[must_use]
     pub fn factor_before(&self, i: usize, at_end: impl FnOnce() -> f64) -> f64 {
         let vertex = &self.vertices[i];
         match i.checked_sub(1) {
             Some(previous) => {
-                let normal = self.vertices[previous].point.ng;
-                vertex.toward_previous.dot(normal).abs() / (vertex.distance * vertex.distance)
+                let cos = self.vertices[previous].cos(vertex.toward_previous);
+                cos / (vertex.distance * vertex.distance)
             }
             None => at_end(),
         }

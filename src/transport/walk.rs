@@ -4,10 +4,10 @@
 //! interpolated normals, whose correction always belongs to the light side.
 
 use super::context::{Counters, PathContext};
-use super::density::{EdgeDensity, VertexDensity};
-use super::subpath::{Escape, SensorHit, Subpath, Vertex};
+use super::density::{Departure, EdgeDensity, VertexDensity};
+use super::subpath::{Escape, LightHit, SensorHit, Subpath, Vertex};
 use super::throughput::Throughput;
-use crate::bsdf::{BsdfSample, Interface, LaneDensity, Side};
+use crate::bsdf::{BsdfSample, Side};
 use crate::geometry::{DirectionalDensity, EndPoint, Ray, SurfacePoint};
 use crate::math::frame::Frame;
 use crate::medium::MediumStack;
@@ -43,39 +43,8 @@ pub struct Start {
     pub specular_only: bool,
 }
 
-/// Density of the direction a walk travels in.
-#[derive(Clone, Copy, Debug)]
-enum Travel {
-    Start(DirectionalDensity),
-    Scattered(EdgeDensity),
-}
-
-impl Travel {
-    fn area_density(&self, cos: f64, d2: f64) -> EdgeDensity {
-        match self {
-            Self::Start(pdf) => EdgeDensity::uniform(pdf.area_density(cos, d2)),
-            Self::Scattered(pdf) => pdf.scaled(cos / d2),
-        }
-    }
-
-    fn solid_angle(&self) -> EdgeDensity {
-        match self {
-            Self::Start(
-                DirectionalDensity::SolidAngle(pdf) | DirectionalDensity::Perpendicular(pdf),
-            ) => EdgeDensity::uniform(*pdf),
-            Self::Scattered(pdf) => *pdf,
-        }
-    }
-}
-
-fn edge_density(hero: f64, lanes: Option<&LaneDensity>) -> EdgeDensity {
-    EdgeDensity {
-        hero,
-        lanes: lanes.map(|l| l.lanes),
-    }
-}
-
-/// Extends `path` (already restarted) by scattering vertices. `end_factor` is what turns a density of direction at the first vertex into a density of the start.
+/// Random walk from `start`: appends vertices to the freshly restarted `path`. `end_factor` is the Jacobian from solid angle
+/// at the first vertex to the measure of the start.
 pub fn walk(
     context: &PathContext,
     path: &mut Subpath,
@@ -96,7 +65,7 @@ pub fn walk(
         specular_only,
     } = start;
     let reference = throughput.max_lane(context.count());
-    let mut travel = Travel::Start(pdf);
+    let mut travel = Departure::Start(pdf);
     // distance passed since the last vertex, through surfaces that are none
     let mut passed = if infinite { f64::INFINITY } else { 0.0 };
     loop {
@@ -119,7 +88,7 @@ pub fn walk(
         let distance = passed + hit.t;
         let through = |ray: &Ray| Ray::leaving(point.p, ray.d, ray.time, Some(point.id));
 
-        if object.covered && passes_uncovered(scene, &point, numbers) {
+        if object.covered && passes_through_opening(scene, &point, numbers) {
             ray = through(&ray);
             passed = distance;
             continue;
@@ -163,50 +132,60 @@ pub fn walk(
         } else {
             [there, here]
         };
-        let (above, below) = (
-            context.medium(regions[0].medium),
-            context.medium(regions[1].medium),
-        );
-        let interface = Interface {
-            eta_above: above.eta,
-            eta_below: below.eta,
-            count: context.count(),
-            dispersive: (above.dispersive || below.dispersive)
-                && regions[0].medium != regions[1].medium,
-        };
         let point = scene.shading_point(point, context.time);
-        let vertex = Vertex {
-            bsdf: scene.materials[object.material.0 as usize].bsdf(
-                &point,
-                context.wavelengths(),
-                &interface,
-            ),
+        let index = path.vertices.len();
+        if let (Some(light), Side::Light) = (object.light, generate) {
+            path.light_hits.push(LightHit {
+                vertex: index,
+                light,
+                uv: point.uv,
+            });
+        }
+        let first_lobe = path.lobes.len();
+        scene.materials[object.material.0 as usize].push_lobes(
+            point.uv,
+            &context.wavelengths,
+            &context.interface(&regions),
+            &mut path.lobes,
+        );
+        let lobes = &path.lobes[first_lobe..];
+        path.vertices.push(Vertex {
+            p: point.p,
+            ng: point.ng,
             frame: Frame::from_z(point.ns),
+            id: point.id,
             regions,
             toward_previous: -ray.d,
             distance,
             throughput,
-            light: object.light,
-            point,
-        };
+            first_lobe: first_lobe as u32,
+            lobes: lobes.len() as u8,
+            has_non_specular: lobes.iter().any(|(_, lobe)| !lobe.is_specular()),
+            has_specular: lobes.iter().any(|(_, lobe)| lobe.is_specular()),
+        });
         let mut density = VertexDensity::new(own.hero);
         density.own_column = path.store_column(&own);
-        density.length = vertex.distance as f32;
+        density.length = distance as f32;
         path.densities.push(density);
-        path.vertices.push(vertex);
 
         // An end of the walk leaves its last vertex as an end point of connections.
-        let index = path.vertices.len() - 1;
         let vertex = &path.vertices[index];
         if !vertex.sides_agree(vertex.toward_previous) {
             return;
         }
         let numbers = numbers.next4();
-        let Some((sample, w)) = scatter(vertex, generate, &numbers) else {
+        let given = vertex.toward_previous;
+        let [u_label, u_x, u_y, _] = numbers;
+        let scatterer = path.scatterer(index, context);
+        let Some((sample, w)) = scatterer.sample(given, generate, [u_label, u_x, u_y]) else {
             return;
         };
+        if !vertex.sides_agree(w) {
+            return;
+        }
         throughput = next_throughput(context, vertex, &sample, w, generate);
-        let reverse = edge_density(sample.pdf_reverse, sample.columns.as_ref().map(|c| &c.1));
+        let reverse =
+            EdgeDensity::with_lanes(sample.pdf_reverse, sample.columns.as_ref().map(|c| &c.1));
         finish_previous(path, index, &reverse, &end_factor);
         let density = &mut path.densities[index + 1];
         density.label = sample.label;
@@ -220,31 +199,27 @@ pub fn walk(
         }
         throughput = throughput.scaled(1.0 / survival);
         let vertex = &path.vertices[index];
-        if (w.dot(vertex.point.ng) > 0.0) != (vertex.toward_previous.dot(vertex.point.ng) > 0.0) {
+        if (w.dot(vertex.ng) > 0.0) != (vertex.toward_previous.dot(vertex.ng) > 0.0) {
             stack = behind;
         }
-        travel = Travel::Scattered(edge_density(
+        travel = Departure::Scattered(EdgeDensity::with_lanes(
             sample.pdf,
             sample.columns.as_ref().map(|c| &c.0),
         ));
-        ray = Ray::leaving(vertex.point.p, w, context.time, Some(vertex.point.id));
+        ray = Ray::leaving(vertex.p, w, context.time, Some(vertex.id));
         passed = 0.0;
     }
 }
 
-/// Whether a walk goes straight on at a surface that covers only in part: with the probability of what it leaves open,
+/// Stochastic alpha test: whether a walk goes straight on at a surface that covers only in part, with the probability of what it leaves open,
 /// which is also the factor of the segment. Both cancel in the throughput, and weights leave them out on both sides.
-fn passes_uncovered(scene: &Scene, point: &SurfacePoint, numbers: &mut StreamSampler) -> bool {
+fn passes_through_opening(
+    scene: &Scene,
+    point: &SurfacePoint,
+    numbers: &mut StreamSampler,
+) -> bool {
     let coverage = scene.coverage(point);
     coverage == 0.0 || coverage < 1.0 && numbers.next4()[0] >= coverage
-}
-
-/// Draws the next direction. `None` where the walk ends.
-fn scatter(vertex: &Vertex, generate: Side, u: &[f64; 4]) -> Option<(BsdfSample, DVec3)> {
-    let given = vertex.frame.to_local(vertex.toward_previous);
-    let sample = vertex.bsdf.sample(given, generate, [u[0], u[1], u[2]])?;
-    let w = vertex.frame.to_outer(sample.w);
-    vertex.sides_agree(w).then_some((sample, w))
 }
 
 /// Probability of going on after vertex `index` with `weight` relative to the start. It may depend on anything, since the weights
@@ -305,7 +280,7 @@ fn record_sensor_hit(
     direction: DVec3,
     distance: f64,
     stack: &MediumStack,
-    travel: &Travel,
+    travel: &Departure,
     throughput: Throughput,
 ) {
     let sensor = &context.scene.sensors[context.sensor];
@@ -318,7 +293,7 @@ fn record_sensor_hit(
     density.length = distance as f32;
     path.sensor_hits.push(SensorHit {
         depth: path.vertices.len(),
-        xk: EndPoint {
+        x_sensor: EndPoint {
             p: point.p,
             n: point.ng,
             surface: Some(point.id),

@@ -5,16 +5,16 @@
 
 mod cases;
 
-use super::{Frame, Workspace, sample_pixel};
-use crate::bsdf::{Bsdf, Label, Lobe};
+use super::{Frame, Workspace, begin, sample_pixel};
+use crate::bsdf::{Label, Lobe};
 use crate::geometry::{EndPoint, Hit, Ray, SurfaceId};
 use crate::io::scene_file::parse_str;
 use crate::light::{HitMeasure, Light, LightId};
 use crate::scene::{Scene, Settings};
 use crate::spectrum::{MAX_LANES, SensorResponse};
 use crate::transport::record::{Recorded, take};
-use crate::transport::subpath::Vertex;
-use crate::transport::{Cone, PassSettings, Subpath};
+use crate::transport::subpath::{Scatterer, Vertex};
+use crate::transport::{Cone, PassSettings, PathContext, Subpath};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -24,16 +24,24 @@ type Column = [f64; MAX_LANES];
 /// Rounding of positions (1e-16 of their size) is amplified by grazing angles and by narrow lobes.
 const TOLERANCE: f64 = 1e-9;
 
+/// A scattering vertex.
+#[derive(Clone, Copy)]
+struct Inner<'a> {
+    vertex: &'a Vertex,
+    scatterer: Scatterer<'a>,
+    label: Label,
+}
+
 /// A finished path: end points, and scattering vertices with their labels in between.
 struct Finished<'a> {
     scene: &'a Scene,
     sensor: usize,
     light: LightId,
     x0: EndPoint,
-    inner: Vec<(&'a Vertex, Label)>,
+    inner: Vec<Inner<'a>>,
     /// Which of the inner vertices are joined: there a specular label's direction need only be near the exact one.
     joined: Vec<bool>,
-    xk: EndPoint,
+    x_sensor: EndPoint,
 }
 
 /// The end of a connecting segment as an end point.
@@ -83,26 +91,17 @@ fn light_of(scene: &Scene, ray: &Ray) -> LightId {
     }
 }
 
-fn surface_end(vertex: &Vertex) -> EndPoint {
-    EndPoint {
-        p: vertex.point.p,
-        n: vertex.point.ng,
-        surface: Some(vertex.point.id),
-        infinite: false,
-    }
-}
-
 impl<'a> Finished<'a> {
     fn new(
-        scene: &'a Scene,
-        sensor: usize,
+        context: &PathContext<'a>,
         light: &'a Subpath,
         camera: &'a Subpath,
         made: &Recorded,
     ) -> Self {
+        let (scene, sensor) = (context.scene, context.sensor);
         let (s, t) = (made.s, made.t);
         let (mut x0, mut id) = (light.origin, light.light);
-        let mut xk = camera.origin;
+        let mut x_sensor = camera.origin;
         let on_light = s.saturating_sub(1);
         let mut on_camera = t.saturating_sub(1);
         match (s, t) {
@@ -121,55 +120,49 @@ impl<'a> Finished<'a> {
                     };
                     id = Some(scene.environments[0]);
                 } else {
-                    x0 = surface_end(&camera.vertices[t - 2]);
-                    id = camera.vertices[t - 2].light;
+                    x0 = camera.vertices[t - 2].end_point();
+                    let hit = camera.light_hits.iter().find(|h| h.vertex == t - 2);
+                    id = hit.map(|h| h.light);
                 }
             }
             (_, 0) => {
-                xk = light
+                x_sensor = light
                     .sensor_hits
                     .iter()
                     .find(|h| h.depth + 2 == s)
                     .unwrap()
-                    .xk;
+                    .x_sensor;
             }
             (1, 1) if !scene.sensors[sensor].camera.is_hittable() => {
-                xk = end_of(scene, made.segment.as_ref().unwrap());
+                x_sensor = end_of(scene, made.segment.as_ref().unwrap());
             }
             (1, _) => {
                 let segment = made.segment.as_ref().unwrap();
                 x0 = end_of(scene, segment);
                 id = Some(light_of(scene, segment));
             }
-            (_, 1) => xk = end_of(scene, made.segment.as_ref().unwrap()),
+            (_, 1) => x_sensor = end_of(scene, made.segment.as_ref().unwrap()),
             _ => {}
         }
         let on_light = if t == 0 { s - 2 } else { on_light };
         // the label of a joined vertex is that of the joint; of the others, what was drawn
-        let label = |path: &Subpath, i: usize, last: bool| {
-            if last {
+        let vertex = |path: &'a Subpath, i: usize, last: bool| Inner {
+            vertex: &path.vertices[i],
+            scatterer: path.scatterer(i, context),
+            label: if last {
                 Label::NonSpecular
             } else {
                 path.densities[i + 1].label
-            }
+            },
         };
         let mut inner: Vec<_> = (0..on_light)
-            .map(|i| {
-                (
-                    &light.vertices[i],
-                    label(light, i, t > 0 && i + 1 == on_light),
-                )
-            })
+            .map(|i| vertex(light, i, t > 0 && i + 1 == on_light))
             .collect();
-        inner.extend((0..on_camera).rev().map(|i| {
-            (
-                &camera.vertices[i],
-                label(camera, i, s > 0 && i + 1 == on_camera),
-            )
-        }));
-        if xk.n == DVec3::ZERO && t == 1 {
+        let of_camera = |i| vertex(camera, i, s > 0 && i + 1 == on_camera);
+        inner.extend((0..on_camera).rev().map(of_camera));
+        if x_sensor.n == DVec3::ZERO && t == 1 {
             // a lens is no surface of the scene: its points share their normal
-            xk.n = camera.origin.n;
+            x_sensor.n = camera.origin.n;
         }
         let joined = (0..inner.len())
             .map(|i| s > 0 && t > 0 && (i + 1 == s || i + 2 == s))
@@ -181,13 +174,13 @@ impl<'a> Finished<'a> {
             x0,
             inner,
             joined,
-            xk,
+            x_sensor,
         };
         for i in 0..path.inner.len() {
             if path.joined[i] && made.specular[i + 1] {
-                let n = path.inner[i].0.point.ng;
+                let n = path.inner[i].vertex.ng;
                 let through = path.forward(i).dot(n) * path.forward(i + 1).dot(n) > 0.0;
-                path.inner[i].1 = if through {
+                path.inner[i].label = if through {
                     Label::SpecularTransmit
                 } else {
                     Label::SpecularReflect
@@ -204,8 +197,8 @@ impl<'a> Finished<'a> {
     fn position(&self, i: usize) -> DVec3 {
         match i {
             0 => self.x0.p,
-            _ if i + 1 == self.len() => self.xk.p,
-            _ => self.inner[i - 1].0.point.p,
+            _ if i + 1 == self.len() => self.x_sensor.p,
+            _ => self.inner[i - 1].vertex.p,
         }
     }
 
@@ -225,8 +218,8 @@ impl<'a> Finished<'a> {
     fn cos(&self, i: usize, w: DVec3) -> f64 {
         match i {
             0 => self.x0.cos(w),
-            _ if i + 1 == self.len() => self.xk.cos(w),
-            _ => w.dot(self.inner[i - 1].0.point.ng).abs(),
+            _ if i + 1 == self.len() => self.x_sensor.cos(w),
+            _ => self.inner[i - 1].vertex.cos(w),
         }
     }
 
@@ -244,18 +237,21 @@ impl<'a> Finished<'a> {
 
     /// Density of direction at inner vertex i: towards the sensor, and towards the light.
     fn scattered(&self, i: usize) -> (Column, Column) {
-        let (vertex, label) = self.inner[i - 1];
-        let w_light = vertex.frame.to_local(-self.forward(i - 1));
-        let w_camera = vertex.frame.to_local(self.forward(i));
-        let bsdf: &Bsdf = &vertex.bsdf;
+        let Inner {
+            vertex,
+            scatterer,
+            label,
+        } = self.inner[i - 1];
+        let (w_light, w_camera) = (-self.forward(i - 1), self.forward(i));
         if label.is_specular() {
-            let (forward, backward) = (
-                bsdf.label_probability(label, w_light),
-                bsdf.label_probability(label, w_camera),
-            );
+            let probability = |w| {
+                let local = vertex.frame.to_local(w);
+                scatterer.bsdf.label_probability(label, local)
+            };
+            let (forward, backward) = (probability(w_light), probability(w_camera));
             return ([forward; MAX_LANES], [backward; MAX_LANES]);
         }
-        let eval = bsdf.eval(w_light, w_camera);
+        let eval = scatterer.eval(w_light, w_camera);
         match eval.columns {
             Some((camera, light)) => (camera.lanes, light.lanes),
             None => ([eval.pdf_camera; MAX_LANES], [eval.pdf_light; MAX_LANES]),
@@ -278,7 +274,7 @@ impl<'a> Finished<'a> {
         let next = direction.area_density(self.cos(1, self.forward(0)), self.d2(0));
         pf[1] = [next * if n == 2 { self.hittable() } else { 1.0 }; MAX_LANES];
 
-        let (position, direction) = camera.density(&self.xk, -self.forward(n - 2), 0.0);
+        let (position, direction) = camera.density(&self.x_sensor, -self.forward(n - 2), 0.0);
         pr[n - 1] = [position; MAX_LANES];
         let to_light = match light.hit_measure() {
             HitMeasure::Area => self.cos(0, self.forward(0)) / self.d2(0),
@@ -321,9 +317,10 @@ impl<'a> Finished<'a> {
 
     /// The directions of specular vertices are the ones their labels stand for, and dispersive where the index says so.
     fn assert_labels(&self, made: &Recorded) {
-        for (i, (vertex, label)) in self.inner.iter().enumerate() {
+        for (i, inner) in self.inner.iter().enumerate() {
+            let (vertex, bsdf, label) = (inner.vertex, &inner.scatterer.bsdf, inner.label);
             let (w_light, w_camera) = (-self.forward(i), self.forward(i + 1));
-            let n = vertex.point.ng;
+            let n = vertex.ng;
             let transmitted = w_light.dot(n) * w_camera.dot(n) < 0.0;
             assert_eq!(
                 made.specular[i + 1],
@@ -347,16 +344,12 @@ impl<'a> Finished<'a> {
                 }
                 Label::SpecularTransmit => {
                     assert!(transmitted);
-                    let smooth = vertex
-                        .bsdf
+                    let smooth = bsdf
                         .lobes
                         .iter()
                         .any(|(_, l)| matches!(l, Lobe::Dielectric(_)));
-                    assert_eq!(
-                        made.dispersive[i + 1],
-                        smooth && vertex.bsdf.interface.dispersive
-                    );
-                    let interface = &vertex.bsdf.interface;
+                    assert_eq!(made.dispersive[i + 1], smooth && bsdf.interface.dispersive);
+                    let interface = &bsdf.interface;
                     let (eta_a, eta_b) =
                         (interface.near(a.z > 0.0)[0], interface.near(b.z > 0.0)[0]);
                     let bent = if smooth {
@@ -394,7 +387,7 @@ impl<'a> Finished<'a> {
                 "the light itself is no point to be seen"
             );
             // (a lens has its own view from each of its points)
-            if self.xk.n == DVec3::ZERO {
+            if self.x_sensor.n == DVec3::ZERO {
                 let margin = self.scene.sensors[self.sensor].filter.margin();
                 let seen = camera.sample_connection(self.position(n - 2), DVec2::ZERO, 0.0, margin);
                 assert!(seen.is_some(), "x{} is not seen", n - 2);
@@ -469,10 +462,12 @@ fn check(
         {
             take();
             let response = sample_pixel(&frame, &pass, (x, y), SensorResponse::Xyz, &mut workspace);
+            let mut media = Vec::new();
+            let (_, context) = begin(&frame, &pass, (x, y), SensorResponse::Xyz, &mut media);
             for made in take() {
-                let path = Finished::new(&scene, 0, &workspace.light, &workspace.camera, &made);
+                let path = Finished::new(&context, &workspace.light, &workspace.camera, &made);
                 let what = || {
-                    let labels: Vec<_> = path.inner.iter().map(|v| v.1).collect();
+                    let labels: Vec<_> = path.inner.iter().map(|v| v.label).collect();
                     format!(
                         "{name}, pass {index}, pixel {x} {y}, strategy ({}, {}), {labels:?}",
                         made.s, made.t

@@ -1,42 +1,75 @@
 //! Strategies that end on a light: camera sub-paths that hit one (s = 0) or are connected to one (s = 1).
 
-use super::{EndKind, Joiner, Strategy, end_point, light_end_factor};
-use crate::geometry::{EndPoint, Ray};
-use crate::light::{HitMeasure, LightId};
+use super::end::{End, EndStart, Receiver};
+use super::{Candidate, Joiner, Numerator};
+use crate::geometry::{EndPoint, SurfacePoint};
+use crate::light::{DirectSample, HitMeasure, LightId};
 use crate::medium::MediumId;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::contribution::Target;
-use crate::transport::density::{Edge, EdgeDensity, PathView, VertexDensity};
-use crate::transport::subpath::Subpath;
+use crate::transport::density::{Departure, Edge, EdgeDensity, PathView};
+use crate::transport::subpath::{LightHit, Subpath};
 use crate::transport::throughput::Throughput;
 use glam::{DVec2, DVec3};
 
+/// A camera sub-path's arrival at a light.
+struct LightArrival {
+    /// Vertices from the sensor, x₀ included.
+    t: usize,
+    id: LightId,
+    x0: EndPoint,
+    /// Medium of the arriving segment.
+    medium: MediumId,
+    /// Unit direction in which the light leaves x₀.
+    leaving: DVec3,
+    distance: f64,
+    radiance: SampledSpectrum,
+    throughput: Throughput,
+}
+
+/// A point of a light drawn from a point that it lights.
+struct DirectLight {
+    id: LightId,
+    /// Of the choice of this light.
+    probability: f64,
+    sample: DirectSample,
+}
+
 impl Joiner<'_> {
-    /// s = 0: camera vertex `j` is on a light.
-    pub fn hit_light(&mut self, camera: &Subpath, j: usize) {
-        let vertex = &camera.vertices[j];
-        let Some(id) = vertex.light else { return };
-        let t = j + 2;
+    /// s = 0: the camera sub-path arrived at a light.
+    pub fn hit_light(&mut self, camera: &Subpath, hit: &LightHit) {
+        let vertex = &camera.vertices[hit.vertex];
+        let t = hit.vertex + 2;
         if !self.wants(0, t) {
             return;
         }
-        let radiance = self.light(id).radiance(
-            &vertex.point,
+        let point = SurfacePoint {
+            p: vertex.p,
+            ng: vertex.ng,
+            ns: vertex.frame.z,
+            uv: hit.uv,
+            id: vertex.id,
+        };
+        let radiance = self.light(hit.light).radiance(
+            &point,
             vertex.toward_previous,
-            self.context.wavelengths(),
+            &self.context.wavelengths,
         );
         if radiance.is_black(self.context.count()) {
             return;
         }
         let medium = vertex.region(vertex.toward_previous).medium;
-        self.arrive_at_light(
-            camera,
-            (t, id, end_point(&vertex.point), medium),
-            vertex.toward_previous,
-            vertex.distance,
-            &radiance,
-            vertex.throughput,
-        );
+        let arrival = LightArrival {
+            t,
+            id: hit.light,
+            x0: vertex.end_point(),
+            medium,
+            leaving: vertex.toward_previous,
+            distance: vertex.distance,
+            radiance,
+            throughput: vertex.throughput,
+        };
+        self.arrive_at_light(camera, &arrival);
     }
 
     /// s = 0: the camera sub-path left the scene towards an environment.
@@ -50,7 +83,7 @@ impl Joiner<'_> {
             let radiance = self.light(id).escaped_radiance(
                 escape.direction,
                 self.context.time,
-                self.context.wavelengths(),
+                &self.context.wavelengths,
             );
             if radiance.is_black(self.context.count()) {
                 continue;
@@ -61,41 +94,38 @@ impl Joiner<'_> {
                 surface: None,
                 infinite: true,
             };
-            self.arrive_at_light(
-                camera,
-                (t, id, x0, escape.medium),
-                -escape.direction,
-                f64::INFINITY,
-                &radiance,
-                escape.throughput,
-            );
+            let arrival = LightArrival {
+                t,
+                id,
+                x0,
+                medium: escape.medium,
+                leaving: -escape.direction,
+                distance: f64::INFINITY,
+                radiance,
+                throughput: escape.throughput,
+            };
+            self.arrive_at_light(camera, &arrival);
         }
     }
 
-    /// The common part of s = 0. `leaving` is the direction in which the light leaves x₀.
-    fn arrive_at_light(
-        &mut self,
-        camera: &Subpath,
-        (t, id, x0, medium): (usize, LightId, EndPoint, MediumId),
-        leaving: DVec3,
-        distance: f64,
-        radiance: &SampledSpectrum,
-        throughput: Throughput,
-    ) {
+    /// The common part of s = 0.
+    fn arrive_at_light(&mut self, camera: &Subpath, arrival: &LightArrival) {
         self.counters.connections_tried += 1;
-        // x₁: the camera vertex before, or x_k
+        let (t, id, x0, leaving) = (arrival.t, arrival.id, &arrival.x0, arrival.leaving);
+        // x₁: the camera vertex before, or the point of the sensor
         let (x1, cos, factor) = match t.checked_sub(3) {
             Some(before) => {
-                let point = &camera.vertices[before].point;
-                (point.p, leaving.dot(point.ng).abs(), 1.0)
+                let vertex = &camera.vertices[before];
+                (vertex.p, vertex.cos(leaving), 1.0)
             }
             None => {
-                let hittable = f64::from(u8::from(self.techniques.hittable_sensor));
+                let hittable = f64::from(u8::from(self.strategies.hittable_sensor));
                 (camera.origin.p, camera.origin.cos(leaving), hittable)
             }
         };
-        let (pf0, pf1) = self.emission(id, &x0, leaving, cos, distance);
-        let direct = if t == 2 && !self.techniques.hittable_sensor {
+        let (pf0, direction) = self.emission(id, x0, leaving);
+        let pf1 = direction.area_density(cos, arrival.distance * arrival.distance);
+        let direct = if t == 2 && !self.strategies.hittable_sensor {
             // strategy (1, 1) of an image camera splats starts on area lights only
             if self.light(id).hit_measure() == HitMeasure::Area {
                 pf0
@@ -103,14 +133,14 @@ impl Joiner<'_> {
                 0.0
             }
         } else {
-            self.context.direct_density(id, x1, &x0)
+            self.context.direct_density(id, x1, x0)
         };
         let edge = Edge {
             camera_end: EdgeDensity::uniform(pf0),
             camera_before: EdgeDensity::uniform(pf1 * factor),
             ..Edge::default()
         };
-        let strategy = Strategy {
+        let candidate = Candidate {
             view: PathView {
                 light: &[],
                 camera: &camera.densities[..t],
@@ -122,12 +152,46 @@ impl Joiner<'_> {
             },
             target: Target::OwnPixel,
         };
-        let inverse_eta2 = SampledSpectrum::ONE / self.context.eta_squared(medium);
-        let numerator = Self::numerator(
-            &[&throughput.lanes, radiance, &inverse_eta2],
-            throughput.scale,
-        );
-        self.finish(&numerator, &strategy, None);
+        let inverse_eta2 = SampledSpectrum::ONE / self.context.eta_squared(arrival.medium);
+        let numerator = Numerator {
+            scale: arrival.throughput.scale,
+            lanes: arrival.throughput.lanes * arrival.radiance * inverse_eta2,
+        };
+        self.finish(&numerator, &candidate, None);
+    }
+
+    /// Draws a point of a light to be joined to `p`.
+    fn draw_light(&mut self, p: DVec3) -> Option<DirectLight> {
+        let u = self.numbers.next4();
+        let (id, probability, u0) = self.context.scene.selection.sample(u[0])?;
+        let sample = self.light(id).sample_direct(
+            &self.context.light_context(),
+            &self.context.wavelengths,
+            p,
+            u0,
+            DVec2::new(u[1], u[2]),
+        )?;
+        Some(DirectLight {
+            id,
+            probability,
+            sample,
+        })
+    }
+
+    /// s = 1: joins the drawn point of a light to the end `camera`.
+    fn join_light(&mut self, drawn: &DirectLight, camera: &End) {
+        let DirectSample { x0, toward, .. } = drawn.sample;
+        let (pf0, direction) = self.emission(drawn.id, &x0, -toward);
+        let start = EndStart::new(pf0, Departure::Start(direction));
+        let receiver = Receiver::of_light(self.light(drawn.id), &x0, toward);
+        let light = End {
+            drawn: true,
+            emission: Some((drawn.sample.value, drawn.probability)),
+            direct: drawn.probability * drawn.sample.pdf,
+            hittable: self.is_hittable(Some(drawn.id)),
+            ..End::start(&start, x0, camera.region, receiver)
+        };
+        self.join(&light, camera, (-toward, drawn.sample.distance), true);
     }
 
     /// s = 1: camera vertex `j` is connected to a light.
@@ -136,144 +200,59 @@ impl Joiner<'_> {
         if !self.wants(1, j + 2) || !self.is_connectible(vertex) {
             return;
         }
-        let u = self.numbers.next4();
-        let scene = self.context.scene;
-        let Some((id, probability, u0)) = scene.selection.sample(u[0]) else {
+        let Some(drawn) = self.draw_light(vertex.p) else {
             return;
         };
-        let light_context = self.context.light_context();
-        let Some(direct) = self.light(id).sample_direct(
-            &light_context,
-            self.context.wavelengths(),
-            vertex.point.p,
-            u0,
-            DVec2::new(u[1], u[2]),
-        ) else {
-            return;
-        };
-        if !vertex.sides_agree(direct.toward) || !vertex.sides_agree(vertex.toward_previous) {
-            return;
-        }
-        let region = vertex.region(direct.toward);
-        if region.medium != scene.light_stacks[id.0 as usize].medium() {
+        let w = drawn.sample.toward;
+        if !vertex.sides_agree(w)
+            || !vertex.sides_agree(vertex.toward_previous)
+            || vertex.region(w).medium != self.light_medium(drawn.id)
+        {
             return;
         }
         self.counters.connections_tried += 1;
-        if direct.value.is_black(self.context.count()) {
+        if drawn.sample.value.is_black(self.context.count()) {
             return;
         }
-        let cos = direct.toward.dot(vertex.point.ng).abs();
-        let factor = light_end_factor(self.light(id), &direct.x0, direct.toward, direct.distance);
-        let ray = Ray::leaving(
-            vertex.point.p,
-            direct.toward,
-            self.context.time,
-            Some(vertex.point.id),
-        )
-        .ending(direct.distance, direct.x0.surface);
-        for kind in EndKind::ALL {
-            let Some(end) = self.end(kind, vertex, direct.toward, vertex.toward_previous) else {
-                continue;
-            };
-            let (pf0, pf1) = self.emission(id, &direct.x0, -direct.toward, cos, direct.distance);
-            let edge = Edge {
-                light_end: end.backward.scaled(factor),
-                camera_end: EdgeDensity::uniform(pf1),
-                camera_before: self.camera_before(camera, j, &end.forward),
-                camera_label: end.label,
-                camera_dispersive: end.dispersive,
-                length: direct.distance as f32,
-                ..Edge::default()
-            };
-            let start = [VertexDensity::new(pf0)];
-            let strategy = Strategy {
-                view: PathView {
-                    light: &start,
-                    camera: &camera.densities[..j + 2],
-                    light_columns: &[],
-                    camera_columns: &camera.columns,
-                    edge,
-                    direct: probability * direct.pdf,
-                    hittable_light: self.is_hittable(Some(id)),
-                },
-                target: Target::OwnPixel,
-            };
-            let medium = self.context.medium(region.medium);
-            let numerator = Self::numerator(
-                &[
-                    &vertex.throughput.lanes,
-                    &end.kernel,
-                    &direct.value,
-                    &medium.transmittance(direct.distance),
-                ],
-                vertex.throughput.scale * direct.toward.dot(vertex.point.ns).abs() / probability,
-            );
-            self.finish(&numerator, &strategy, Some((&ray, region)));
+        let labels = self.labels(camera, j, w);
+        if !labels.is_empty() {
+            let end = self.vertex_end(camera, j, w, &labels);
+            self.join_light(&drawn, &end);
         }
     }
 
-    /// (1, 1) on a detector: its point is connected straight to a light. `weight` is the camera sample's, `own` the density of x_k.
+    /// (1, 1) on a detector: its point is connected straight to a light. `weight` is [`CameraSample::weight`].
+    ///
+    /// [`CameraSample::weight`]: crate::camera::CameraSample::weight
     pub fn direct_to_detector(&mut self, camera: &Subpath, weight: f64) {
-        if !self.wants(1, 1) || !self.techniques.hittable_sensor {
+        if !self.wants(1, 1) || !self.strategies.hittable_sensor {
             return;
         }
-        let u = self.numbers.next4();
-        let scene = self.context.scene;
-        let Some((id, probability, u0)) = scene.selection.sample(u[0]) else {
+        let x_sensor = camera.origin;
+        let Some(drawn) = self.draw_light(x_sensor.p) else {
             return;
         };
-        let xk = camera.origin;
-        let Some(direct) = self.light(id).sample_direct(
-            &self.context.light_context(),
-            self.context.wavelengths(),
-            xk.p,
-            u0,
-            DVec2::new(u[1], u[2]),
-        ) else {
-            return;
-        };
-        let cos = direct.toward.dot(xk.n);
-        if cos <= 0.0 {
-            return;
-        }
-        if camera.region.medium != scene.light_stacks[id.0 as usize].medium() {
+        let w = drawn.sample.toward;
+        let cos = w.dot(x_sensor.n);
+        if cos <= 0.0 || camera.region.medium != self.light_medium(drawn.id) {
             return;
         }
         self.counters.connections_tried += 1;
-        let (pf0, pfk) = self.emission(id, &direct.x0, -direct.toward, cos, direct.distance);
-        let (_, direction_density) = scene.sensors[self.context.sensor].camera.density(
-            &xk,
-            direct.toward,
-            self.context.time,
-        );
-        let factor = light_end_factor(self.light(id), &direct.x0, direct.toward, direct.distance);
-        let edge = Edge {
-            light_end: EdgeDensity::uniform(direction_density.area_density(1.0, 1.0) * factor),
-            camera_end: EdgeDensity::uniform(pfk),
-            ..Edge::default()
+        let sensor = &self.context.scene.sensors[self.context.sensor];
+        let (_, direction) = sensor.camera.density(&x_sensor, w, self.context.time);
+        let across = EdgeDensity::uniform(direction.area_density(1.0, 1.0));
+        let start = EndStart::new(camera.densities[0].own, Departure::Scattered(across));
+        let receiver = Receiver::Area { cos };
+        let end = End {
+            // the sample's weight is W_e π / pdf: without the π of its direction it is W_e / pdf
+            weight: Throughput::splat(weight / std::f64::consts::PI),
+            cos,
+            ..End::start(&start, x_sensor, camera.region, receiver)
         };
-        let start = [VertexDensity::new(pf0)];
-        let strategy = Strategy {
-            view: PathView {
-                light: &start,
-                camera: &camera.densities[..1],
-                light_columns: &[],
-                camera_columns: &camera.columns,
-                edge,
-                direct: probability * direct.pdf,
-                hittable_light: self.is_hittable(Some(id)),
-            },
-            target: Target::OwnPixel,
-        };
-        let medium = self.context.medium(camera.region.medium);
-        // the sample's weight is W_e π / pdf: without the π of its direction it is W_e / pdf
-        let scale = weight / std::f64::consts::PI * cos / probability;
-        let numerator = Self::numerator(
-            &[&direct.value, &medium.transmittance(direct.distance)],
-            scale,
-        );
-        let ray = Ray::leaving(xk.p, direct.toward, self.context.time, xk.surface)
-            .ending(direct.distance, direct.x0.surface);
-        self.finish(&numerator, &strategy, Some((&ray, &camera.region)));
+        self.join_light(&drawn, &end);
+    }
+
+    fn light_medium(&self, id: LightId) -> MediumId {
+        self.context.scene.light_stacks[id.0 as usize].medium()
     }
 }

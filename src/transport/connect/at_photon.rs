@@ -1,8 +1,7 @@
 //! Merging: a camera vertex takes the photons around it for its own.
 
-use super::{Joiner, densities};
+use super::Joiner;
 use crate::bsdf::BsdfEval;
-use crate::scene::settings::IntegratorKind;
 use crate::spectrum::MAX_LANES;
 use crate::transport::class::PathClass;
 use crate::transport::context::Counters;
@@ -43,26 +42,26 @@ impl Joiner<'_> {
     /// Merges camera vertex `j` with all photons near it.
     pub fn gather(&mut self, photons: &mut Photons, camera: &Subpath, j: usize) {
         let vertex = &camera.vertices[j];
-        let first_only = self.techniques.kind == IntegratorKind::Ppm;
+        let first_only = self.strategies.merges_first_only();
         let specular = |i: usize| camera.densities[i + 1].label.is_specular();
         if j + 1 > self.max_depth
-            || !vertex.bsdf.has_non_specular()
+            || !vertex.has_non_specular
             || !vertex.sides_agree(vertex.toward_previous)
             || first_only && !(0..j).all(specular)
         {
             return;
         }
         let own = &camera.densities[..j + 2];
-        let factor = self.camera_before_factor(camera, j);
-        let sensor = side_terms(own, factor, MergeSide::Sensor, self.techniques);
+        let factor = self.before_factor(camera, j);
+        let sensor = side_terms(own, factor, MergeSide::Sensor, self.strategies);
         let columns = own.iter().any(|v| v.own_column != NO_COLUMN)
             || own[..j].iter().any(|v| v.other_column != NO_COLUMN);
-        let whole = columns || !is_separable(self.techniques);
-        let count = self.context.count();
-        let w_camera = vertex.frame.to_local(vertex.toward_previous);
+        let whole = columns || !is_separable(self.strategies);
+        let (count, samples) = (self.context.count(), self.strategies.merge_samples());
+        let scatterer = camera.scatterer(j, self.context);
         let (map, accepts) = (photons.map, photons.accepts);
         let (mut found, mut sum) = (false, [0.0; MAX_LANES]);
-        map.for_each_near(vertex.point.p, |photon| {
+        map.for_each_near(vertex.p, |photon| {
             let depth = photon.depth();
             if depth + 1 + j > self.max_depth || !accepts.is_none_or(|f| f(photon.path())) {
                 return;
@@ -72,7 +71,7 @@ impl Joiner<'_> {
                 return;
             }
             self.counters.photons_found += 1;
-            let eval = vertex.bsdf.eval(vertex.frame.to_local(w), w_camera);
+            let eval = scatterer.eval(w, vertex.toward_previous);
             if eval.g.is_black(count) {
                 return;
             }
@@ -82,7 +81,7 @@ impl Joiner<'_> {
                 self.whole_path_factors(photons.retraced, depth, (camera, j), &eval)
             } else {
                 let toward = (eval.pdf_light, eval.pdf_camera);
-                let (own, waves) = (self.techniques, self.context.wavelengths());
+                let (own, waves) = (self.strategies, &self.context.wavelengths);
                 merge_factors(&terms, &sensor, toward, own, waves)
             };
             let scale = vertex.throughput.scale * vertex.light_side_correction(w);
@@ -102,7 +101,11 @@ impl Joiner<'_> {
                 (0..j).rev().for_each(|i| class.push(specular(i)));
                 let whole_set = !sensor.dispersive && !terms.dispersive;
                 self.out.push(Contribution {
-                    raw: self.raw_merge(&values, whole_set),
+                    raw: if self.with_raw {
+                        self.raw(|k| values[k], samples, whole_set, 1.0)
+                    } else {
+                        [0.0; MAX_LANES]
+                    },
                     s: depth as u32 + 2,
                     class,
                     ..merged(lanes, j)
@@ -119,27 +122,10 @@ impl Joiner<'_> {
         }
     }
 
-    /// What merging alone would estimate.
-    fn raw_merge(&self, values: &[f64; MAX_LANES], whole_set: bool) -> [f64; MAX_LANES] {
-        let mut raw = [0.0; MAX_LANES];
-        if self.with_raw {
-            let count = self.context.count();
-            for (k, raw) in raw.iter_mut().enumerate().take(count) {
-                let techniques = if whole_set {
-                    count
-                } else {
-                    self.context.wavelengths().multiplicity(k)
-                };
-                *raw = values[k] / (self.techniques.merging * techniques as f64);
-            }
-        }
-        raw
-    }
-
     /// The factors of all lanes by the sum over the whole path: where densities differ between lanes, or techniques depend on more
     /// than one side tells.
     fn whole_path_factors(
-        &self,
+        &mut self,
         light: &Subpath,
         i: usize,
         (camera, j): (&Subpath, usize),
@@ -149,13 +135,13 @@ impl Joiner<'_> {
         if i >= light.vertices.len() {
             return factors;
         }
-        let (forward, backward) = densities(eval);
+        let (forward, backward) = EdgeDensity::of(eval);
         // the merged vertex is the last of the light sub-path, and that before it on the camera sub-path is joined to it
         let behind = &camera.densities[j];
         let edge = Edge {
             light_end: camera.own_density(j + 1),
-            light_before: self.light_before(light, i, &backward),
-            camera_end: self.camera_before(camera, j, &forward),
+            light_before: backward.scaled(self.before_factor(light, i)),
+            camera_end: forward.scaled(self.before_factor(camera, j)),
             camera_before: match j.checked_sub(1) {
                 Some(before) => camera.other_density(before),
                 None => EdgeDensity::default(),
@@ -174,8 +160,12 @@ impl Joiner<'_> {
             direct: light.direct,
             hittable_light: self.is_hittable(light.light),
         };
-        let multipliers = Multipliers::new(&view, self.techniques);
-        let weights = merge_denominator(&multipliers, self.context.wavelengths());
+        let multipliers = Multipliers::new(&view, self.strategies);
+        let weights = merge_denominator(
+            &multipliers,
+            &self.context.wavelengths,
+            &mut self.scratch.suffix,
+        );
         for (k, factor) in factors.iter_mut().enumerate().take(self.context.count()) {
             *factor = weights.factor(k);
         }

@@ -1,17 +1,20 @@
 //! Strategies that end on the sensor: light sub-paths that hit it (t = 0) or are connected to it (t = 1).
 
-use super::{EndKind, Joiner, Strategy, light_end_factor};
+use super::end::{End, EndStart, Receiver};
+use super::{Candidate, Joiner, Numerator};
 use crate::camera::SensorConnection;
-use crate::geometry::{Ray, SurfacePoint};
+use crate::geometry::SurfacePoint;
 use crate::light::HitMeasure;
+use crate::medium::MediumId;
 use crate::transport::contribution::Target;
-use crate::transport::density::{Edge, EdgeDensity, PathView, VertexDensity};
+use crate::transport::density::{Departure, Edge, EdgeDensity, PathView};
 use crate::transport::subpath::{SensorHit, Subpath};
+use crate::transport::throughput::Throughput;
 use glam::{DVec2, DVec3};
 
 impl Joiner<'_> {
-    /// Connects `p` to a point of the sensor; numbers are drawn only where it has more than one.
-    fn sample_sensor(&mut self, p: DVec3, margin: f64) -> Option<SensorConnection> {
+    /// Draws a point of the sensor to be joined to `p`; numbers are drawn only where it has more than one.
+    fn draw_sensor(&mut self, p: DVec3, margin: f64) -> Option<SensorConnection> {
         let camera = &self.context.scene.sensors[self.context.sensor].camera;
         let u_lens = if camera.is_delta() {
             DVec2::ZERO
@@ -22,169 +25,95 @@ impl Joiner<'_> {
         camera.sample_connection(p, u_lens, self.context.time, margin)
     }
 
+    /// t = 1: joins the end `light` to the drawn point of the sensor.
+    fn join_sensor(&mut self, light: &End, drawn: &SensorConnection) {
+        let (x_sensor, toward) = (drawn.xk, drawn.toward);
+        let sensor = &self.context.scene.sensors[self.context.sensor];
+        let (_, direction) = sensor.camera.density(&x_sensor, -toward, self.context.time);
+        let start = EndStart::new(drawn.pdf_xk, Departure::Start(direction));
+        let receiver = Receiver::of_sensor(self.strategies.hittable_sensor, &x_sensor, toward);
+        let camera = End {
+            drawn: true,
+            weight: Throughput::splat(drawn.importance),
+            target: Target::Splat(drawn.raster),
+            ..End::start(&start, x_sensor, light.region, receiver)
+        };
+        self.join(light, &camera, (toward, drawn.distance), true);
+    }
+
     /// t = 1: light vertex `i` is connected to the sensor.
     pub fn to_sensor(&mut self, light: &Subpath, i: usize, margin: f64) {
         let vertex = &light.vertices[i];
         if !self.wants(i + 2, 1) || !self.is_connectible(vertex) {
             return;
         }
-        let Some(connection) = self.sample_sensor(vertex.point.p, margin) else {
+        let Some(drawn) = self.draw_sensor(vertex.p, margin) else {
             return;
         };
-        let scene = self.context.scene;
-        let sensor = &scene.sensors[self.context.sensor];
-        let toward = connection.toward;
-        if !vertex.sides_agree(toward) || !vertex.sides_agree(vertex.toward_previous) {
-            return;
-        }
-        let region = vertex.region(toward);
-        if region.medium != sensor.stack.medium() {
+        let w = drawn.toward;
+        if !vertex.sides_agree(w)
+            || !vertex.sides_agree(vertex.toward_previous)
+            || vertex.region(w).medium != self.sensor_medium()
+        {
             return;
         }
         self.counters.connections_tried += 1;
-        let cos = toward.dot(vertex.point.ng).abs();
-        let d2 = connection.distance * connection.distance;
-        let ray = Ray::leaving(
-            vertex.point.p,
-            toward,
-            self.context.time,
-            Some(vertex.point.id),
-        )
-        .ending(connection.distance, connection.xk.surface);
-        for kind in EndKind::ALL {
-            let Some(end) = self.end(kind, vertex, vertex.toward_previous, toward) else {
-                continue;
-            };
-            let (_, direction_density) =
-                sensor
-                    .camera
-                    .density(&connection.xk, -toward, self.context.time);
-            let edge = Edge {
-                light_end: EdgeDensity::uniform(direction_density.area_density(cos, d2)),
-                light_before: self.light_before(light, i, &end.backward),
-                camera_end: end.forward.scaled(self.sensor_end_factor(
-                    &connection.xk,
-                    toward,
-                    connection.distance,
-                )),
-                light_label: end.label,
-                light_dispersive: end.dispersive,
-                length: connection.distance as f32,
-                ..Edge::default()
-            };
-            let last = [VertexDensity::new(connection.pdf_xk)];
-            let strategy = Strategy {
-                view: PathView {
-                    light: &light.densities[..i + 2],
-                    camera: &last,
-                    light_columns: &light.columns,
-                    camera_columns: &[],
-                    edge,
-                    direct: light.direct,
-                    hittable_light: self.is_hittable(light.light),
-                },
-                target: Target::Splat(connection.raster),
-            };
-            let medium = self.context.medium(region.medium);
-            let numerator = Self::numerator(
-                &[
-                    &vertex.throughput.lanes,
-                    &end.kernel,
-                    &self.context.eta_squared(region.medium),
-                    &medium.transmittance(connection.distance),
-                ],
-                vertex.throughput.scale
-                    * connection.importance
-                    * cos
-                    * vertex.light_side_correction(vertex.toward_previous),
-            );
-            self.finish(&numerator, &strategy, Some((&ray, region)));
+        let labels = self.labels(light, i, w);
+        if !labels.is_empty() {
+            let end = self.vertex_end(light, i, w, &labels);
+            self.join_sensor(&end, &drawn);
         }
     }
 
     /// (1, 1) of image cameras: the start of the light sub-path, on an area light, is seen directly.
     pub fn start_to_sensor(&mut self, light: &Subpath, margin: f64) {
-        let Some(id) = light.light else { return };
+        let (Some(id), x0) = (light.light, light.origin) else {
+            return;
+        };
         if !self.wants(1, 1)
-            || self.techniques.hittable_sensor
+            || self.strategies.hittable_sensor
             || self.light(id).hit_measure() != HitMeasure::Area
         {
             return;
         }
-        let Some(surface) = light.origin.surface else {
+        let Some(surface) = x0.surface else { return };
+        let Some(drawn) = self.draw_sensor(x0.p, margin) else {
             return;
         };
-        let Some(connection) = self.sample_sensor(light.origin.p, margin) else {
-            return;
-        };
-        let scene = self.context.scene;
-        let sensor = &scene.sensors[self.context.sensor];
-        let toward = connection.toward;
-        let normal = light.origin.n;
+        let (context, toward) = (self.context, drawn.toward);
         let uv = if self.light(id).has_pattern() {
-            scene
-                .accel
-                .texture_coordinates(surface, light.origin.p, self.context.time)
+            let accel = &context.scene.accel;
+            accel.texture_coordinates(surface, x0.p, context.time)
         } else {
             DVec2::ZERO
         };
         let point = SurfacePoint {
-            p: light.origin.p,
-            ng: normal,
-            ns: normal,
+            p: x0.p,
+            ng: x0.n,
+            ns: x0.n,
             uv,
             id: surface,
         };
         let radiance = self
             .light(id)
-            .radiance(&point, toward, self.context.wavelengths());
-        if radiance.is_black(self.context.count()) {
-            return;
-        }
-        if light.region.medium != sensor.stack.medium() {
+            .radiance(&point, toward, &context.wavelengths);
+        if radiance.is_black(context.count()) || light.region.medium != self.sensor_medium() {
             return;
         }
         self.counters.connections_tried += 1;
-        let cos = toward.dot(normal).abs();
-        let d2 = connection.distance * connection.distance;
-        let (_, direction_density) =
-            sensor
-                .camera
-                .density(&connection.xk, -toward, self.context.time);
-        let edge = Edge {
-            light_end: EdgeDensity::uniform(direction_density.area_density(cos, d2)),
-            ..Edge::default()
-        };
         let pf0 = light.densities[0].own;
-        let end = [VertexDensity::new(connection.pdf_xk)];
-        let strategy = Strategy {
-            view: PathView {
-                light: &light.densities[..1],
-                camera: &end,
-                light_columns: &[],
-                camera_columns: &[],
-                edge,
-                direct: pf0,
-                hittable_light: true,
-            },
-            target: Target::Splat(connection.raster),
+        // an image camera receives nothing, whatever is sent
+        let unseen = Departure::Scattered(EdgeDensity::default());
+        let start = EndStart::new(pf0, unseen);
+        let cos = x0.cos(toward);
+        let end = End {
+            cos,
+            emission: Some((radiance, pf0)),
+            direct: pf0,
+            hittable: true,
+            ..End::start(&start, x0, light.region, Receiver::Area { cos })
         };
-        let transmittance = self
-            .context
-            .medium(light.region.medium)
-            .transmittance(connection.distance);
-        let numerator = Self::numerator(
-            &[&radiance, &transmittance],
-            connection.importance * cos / pf0,
-        );
-        let ray = Ray::leaving(
-            light.origin.p,
-            toward,
-            self.context.time,
-            light.origin.surface,
-        )
-        .ending(connection.distance, connection.xk.surface);
-        self.finish(&numerator, &strategy, Some((&ray, &light.region)));
+        self.join_sensor(&end, &drawn);
     }
 
     /// t = 0: the light sub-path arrived at the detector.
@@ -199,40 +128,36 @@ impl Joiner<'_> {
         let (pdf_xk, direction_density) =
             sensor
                 .camera
-                .density(&hit.xk, hit.toward_previous, self.context.time);
+                .density(&hit.x_sensor, hit.toward_previous, self.context.time);
         // x_{k-1}: the last light vertex, or x₀
         let (before, direct) = match hit.depth.checked_sub(1) {
             Some(i) => {
-                let cos = hit.toward_previous.dot(light.vertices[i].point.ng).abs();
+                let cos = light.vertices[i].cos(hit.toward_previous);
                 (
                     direction_density.area_density(cos, hit.distance * hit.distance),
                     light.direct,
                 )
             }
             None => {
-                let factor = light_end_factor(
-                    self.light(id),
-                    &light.origin,
-                    hit.toward_previous,
-                    hit.distance,
-                );
+                let toward = hit.toward_previous;
+                let receiver = Receiver::of_light(self.light(id), &light.origin, toward);
                 (
-                    direction_density.area_density(1.0, 1.0) * factor,
-                    self.context.direct_density(id, hit.xk.p, &light.origin),
+                    direction_density.area_density(1.0, 1.0) * receiver.factor(hit.distance),
+                    self.context
+                        .direct_density(id, hit.x_sensor.p, &light.origin),
                 )
             }
         };
-        self.arrival.clear();
-        self.arrival
-            .extend_from_slice(&light.densities[..=hit.depth]);
-        self.arrival.push(hit.density);
-        let arrival = std::mem::take(self.arrival);
+        let mut arrival = std::mem::take(&mut self.scratch.arrival);
+        arrival.clear();
+        arrival.extend_from_slice(&light.densities[..=hit.depth]);
+        arrival.push(hit.density);
         let edge = Edge {
             light_end: EdgeDensity::uniform(pdf_xk),
             light_before: EdgeDensity::uniform(before),
             ..Edge::default()
         };
-        let strategy = Strategy {
+        let candidate = Candidate {
             view: PathView {
                 light: &arrival,
                 camera: &[],
@@ -244,11 +169,17 @@ impl Joiner<'_> {
             },
             target: Target::Splat(hit.raster),
         };
-        let numerator = Self::numerator(
-            &[&hit.throughput.lanes],
-            hit.throughput.scale * hit.importance,
-        );
-        self.finish(&numerator, &strategy, None);
-        *self.arrival = arrival;
+        let numerator = Numerator {
+            scale: hit.throughput.scale * hit.importance,
+            lanes: hit.throughput.lanes,
+        };
+        self.finish(&numerator, &candidate, None);
+        self.scratch.arrival = arrival;
+    }
+
+    fn sensor_medium(&self) -> MediumId {
+        self.context.scene.sensors[self.context.sensor]
+            .stack
+            .medium()
     }
 }
