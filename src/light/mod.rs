@@ -197,10 +197,7 @@ impl Light {
     pub fn angular_radius(&self, context: &LightContext, p: DVec3) -> f64 {
         let Self::Area(light) = self else { return 0.0 };
         let instance = &context.accel.instances()[light.instance.0 as usize];
-        let center = instance
-            .sample_area(light.instance, context.time, 0.5, DVec2::splat(0.5))
-            .point
-            .p;
+        let center = light.sample(context, 0.5, DVec2::splat(0.5)).point.p;
         let radius = (instance.area(context.time) / std::f64::consts::PI).sqrt();
         radius.atan2(center.distance(p))
     }

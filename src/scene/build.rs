@@ -5,7 +5,7 @@ use super::effects::find_effects;
 use super::probe::stack_at;
 use super::{Object, Scene, Sensor};
 use crate::camera::Camera;
-use crate::geometry::{Accel, Instance, InstanceId, Shape, Shutter, Transform};
+use crate::geometry::{Accel, AreaSampler, Instance, InstanceId, Shape, Shutter, Transform};
 use crate::light::area::AreaLight;
 use crate::light::beam::BeamLight;
 use crate::light::point::PointLight;
@@ -16,7 +16,9 @@ use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, MediumId, MediumStack};
 use crate::spectrum::{Emission, WavelengthDistribution};
 use glam::{DVec2, DVec3};
+use std::collections::HashMap;
 use std::fmt;
+use std::sync::Arc;
 
 /// Part of a [`SceneDescription`] that a [`BuildError`] is about, by its index there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,6 +116,7 @@ impl Scene {
         let mut instances = Vec::with_capacity(described.len());
         let mut objects = Vec::with_capacity(described.len());
         let mut lights = Vec::new();
+        let mut samplers = Samplers::default();
         let mut light_names = Vec::new();
         let mut light_subjects = Vec::new();
         if described.len() + sensors.len() >= u32::MAX as usize {
@@ -138,6 +141,7 @@ impl Scene {
                 let light = LightId(lights.len() as u32);
                 lights.push(Light::Area(AreaLight {
                     instance: id,
+                    sampler: samplers.of(&instance.shape),
                     radiance: seen(emission.radiance),
                     pattern: emission.pattern,
                     two_sided: emission.two_sided,
@@ -275,6 +279,22 @@ impl Scene {
     }
 }
 
+/// Samplers of the meshes that emit: instances of one mesh share one.
+#[derive(Default)]
+struct Samplers(HashMap<*const (), AreaSampler>);
+
+impl Samplers {
+    fn of(&mut self, shape: &Shape) -> AreaSampler {
+        let mesh = match shape {
+            Shape::Mesh(mesh) => Arc::as_ptr(mesh).cast(),
+            Shape::Deforming(mesh) => Arc::as_ptr(mesh).cast(),
+            _ => return AreaSampler::default(),
+        };
+        let sampler = self.0.entry(mesh);
+        sampler.or_insert_with(|| AreaSampler::new(shape)).clone()
+    }
+}
+
 /// The distribution of wavelengths for these lights.
 fn distribution(
     settings: &WavelengthSettings,
@@ -350,10 +370,7 @@ fn light_stack(
         Light::Area(area) => {
             let mut found: Option<MediumStack> = None;
             for [u, v, w] in PROBES {
-                let instance = &accel.instances()[area.instance.0 as usize];
-                let point = instance
-                    .sample_area(area.instance, context.time, u, DVec2::new(v, w))
-                    .point;
+                let point = area.sample(context, u, DVec2::new(v, w)).point;
                 let stack = stack_at(
                     accel,
                     objects,
