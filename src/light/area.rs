@@ -76,7 +76,7 @@ impl AreaLight {
             .normalize();
         let pdf_direction = self.direction_density(sample.point.ng, direction);
         (sample.pdf_a > 0.0 && pdf_direction > 0.0).then(|| EmissionSample {
-            x0: end_point(&sample.point),
+            x0: EndPoint::on(&sample.point),
             origin: sample.point.p,
             direction,
             pdf_x0: sample.pdf_a,
@@ -140,7 +140,7 @@ impl AreaLight {
         let (toward, distance) = unit_from_to(x1, sample.point.p)?;
         let cos = self.emitting_cos(sample.point.ng, -toward);
         (sample.pdf_a > 0.0 && cos > 0.0).then(|| DirectSample {
-            x0: end_point(&sample.point),
+            x0: EndPoint::on(&sample.point),
             toward,
             distance,
             pdf: sample.pdf_a,
@@ -154,14 +154,5 @@ impl AreaLight {
         } else {
             0.0
         }
-    }
-}
-
-fn end_point(point: &SurfacePoint) -> EndPoint {
-    EndPoint {
-        p: point.p,
-        n: point.ng,
-        surface: Some(point.id),
-        infinite: false,
     }
 }

@@ -420,16 +420,6 @@ fn factor(value: f64) -> SampledSpectrum {
     SampledSpectrum::splat(value as f32)
 }
 
-/// A point without extent.
-fn point_end(p: DVec3) -> EndPoint {
-    EndPoint {
-        p,
-        n: DVec3::ZERO,
-        surface: None,
-        infinite: false,
-    }
-}
-
 /// Unit direction and distance; `None` where the points coincide.
 fn unit_from_to(from: DVec3, to: DVec3) -> Option<(DVec3, f64)> {
     let distance = from.distance(to);
