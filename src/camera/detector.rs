@@ -73,12 +73,11 @@ impl Detector {
 
     fn end_point(&self, rectangle: &Rectangle, on_film: DVec2) -> EndPoint {
         EndPoint {
-            p: rectangle.center + on_film.x * rectangle.u + on_film.y * rectangle.v,
             n: rectangle.n,
             surface: self
                 .instance
                 .map(|instance| SurfaceId { instance, prim: 0 }),
-            infinite: false,
+            ..EndPoint::at(rectangle.center + on_film.x * rectangle.u + on_film.y * rectangle.v)
         }
     }
 

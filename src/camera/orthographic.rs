@@ -51,12 +51,7 @@ impl Orthographic {
             .at(time)
             .to_world
             .transform_point3(on_film.extend(0.0));
-        EndPoint {
-            p,
-            n: DVec3::ZERO,
-            surface: None,
-            infinite: false,
-        }
+        EndPoint::at(p)
     }
 
     fn axis(&self, time: f64) -> DVec3 {

@@ -102,10 +102,8 @@ impl Perspective {
         };
         let p = placement.to_world.transform_point3(lens_point.extend(0.0));
         EndPoint {
-            p,
             n,
-            surface: None,
-            infinite: false,
+            ..EndPoint::at(p)
         }
     }
 

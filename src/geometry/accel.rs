@@ -76,7 +76,7 @@ impl Accel {
                 let to_object = &placement.to_object;
                 let local = LocalRay::new(ray, instance, to_object, t_best, shape.extent());
                 let (t, prim, uv) = match shape {
-                    Shape::Mesh(mesh) => mesh.closest(&local)?,
+                    Shape::Mesh(mesh) => mesh.closest(&local, ray.time)?,
                     Shape::Deforming(mesh) => mesh.closest(&local, ray.time)?,
                     _ => shape
                         .analytic_hit(&local)
@@ -115,7 +115,7 @@ impl Accel {
                 let to_object = &placement.to_object;
                 let local = LocalRay::new(ray, instance, to_object, ray.t_max, shape.extent());
                 match shape {
-                    Shape::Mesh(mesh) => mesh.occluded(&local),
+                    Shape::Mesh(mesh) => mesh.occluded(&local, ray.time),
                     Shape::Deforming(mesh) => mesh.occluded(&local, ray.time),
                     _ => shape.analytic_hit(&local).is_some(),
                 }
@@ -140,7 +140,7 @@ impl Accel {
         let instance = &self.instances[id.instance.0 as usize];
         let p = instance.transform.at(time).to_object.transform_point3(p);
         let weights = match &instance.shape {
-            Shape::Mesh(mesh) => mesh.weights(id.prim, p),
+            Shape::Mesh(mesh) => mesh.weights(id.prim, p, time),
             Shape::Deforming(mesh) => mesh.weights(id.prim, p, time),
             _ => DVec2::ZERO,
         };

@@ -1,6 +1,6 @@
 //! The first vertex of a sub-path, on a light or a sensor, as lights and cameras describe it.
 
-use super::SurfaceId;
+use super::{SurfaceId, SurfacePoint};
 use glam::DVec3;
 
 /// A point of a light or sensor. For lights at infinity `p` is meaningless and `n` is the direction the light travels.
@@ -17,6 +17,41 @@ pub struct EndPoint {
 }
 
 impl EndPoint {
+    /// Stands for an end that a sub-path does not have.
+    pub const NONE: Self = Self {
+        p: DVec3::ZERO,
+        n: DVec3::ZERO,
+        surface: None,
+        infinite: false,
+    };
+
+    /// A point of the scene's geometry.
+    #[must_use]
+    pub fn on(point: &SurfacePoint) -> Self {
+        Self {
+            p: point.p,
+            n: point.ng,
+            surface: Some(point.id),
+            infinite: false,
+        }
+    }
+
+    /// A point without extent.
+    #[must_use]
+    pub fn at(p: DVec3) -> Self {
+        Self { p, ..Self::NONE }
+    }
+
+    /// A light at infinity whose light travels along the unit vector `direction`.
+    #[must_use]
+    pub fn toward_infinity(direction: DVec3) -> Self {
+        Self {
+            n: direction,
+            infinite: true,
+            ..Self::NONE
+        }
+    }
+
     /// |cos| between the end point's normal and `w`; 1 where it has no normal or lies at infinity.
     #[must_use]
     pub fn cos(&self, w: DVec3) -> f64 {

@@ -5,6 +5,7 @@
 
 pub mod accel;
 mod analytic;
+pub mod area;
 pub mod deforming;
 pub mod endpoint;
 pub mod hit;
@@ -15,19 +16,22 @@ pub mod pose;
 pub mod ray;
 pub mod shape;
 pub mod shutter;
+pub mod still;
 pub mod track;
 mod tree;
 mod tree_build;
 mod triangles;
 
 pub use accel::Accel;
+pub use area::AreaSampler;
 pub use deforming::Deforming;
 pub use endpoint::{DirectionalDensity, EndPoint};
 pub use hit::{Hit, SurfaceId, SurfacePoint};
 pub use instance::{Instance, InstanceId};
-pub use mesh::{Mesh, MeshError};
+pub use mesh::MeshError;
 pub use motion::{Link, Transform};
 pub use pose::{Pose, Rotation};
 pub use ray::Ray;
 pub use shape::Shape;
 pub use shutter::Shutter;
+pub use still::Mesh;

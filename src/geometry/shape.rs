@@ -1,12 +1,12 @@
 //! The closed set of shapes, each in its own object space.
 //!
-//! Analytic shapes have unit size and are placed by the transform of their instance. Sampling is uniform over the area
-//! in object space (of a deforming mesh: over each triangle); [`super::Instance`] turns its density into one per world area.
+//! Analytic shapes have unit size and are placed by the transform of their instance. Here is what any surface needs so
+//! that rays can hit it; [`super::AreaSampler`] adds what those need that emit.
 
 use super::analytic::{self, FaceHit};
 use super::ray::LocalRay;
-use super::{Deforming, Mesh, SurfacePoint};
-use glam::{DMat3, DVec2, DVec3};
+use super::{Deforming, Mesh};
+use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -32,15 +32,6 @@ pub enum Shape {
     Deforming(Arc<Deforming>),
 }
 
-/// A point sampled on a shape by area.
-#[derive(Clone, Copy, Debug)]
-pub struct AreaSample {
-    /// The point, in world space.
-    pub point: SurfacePoint,
-    /// Density per world area.
-    pub pdf_a: f64,
-}
-
 /// A surface point in object space; the normals have unit length, except that `ns` may be degenerate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LocalPoint {
@@ -62,19 +53,6 @@ impl Shape {
             Self::Disk { .. } | Self::Quad | Self::Cylinder => false,
             Self::Mesh(mesh) => mesh.is_closed(),
             Self::Deforming(mesh) => mesh.is_closed(),
-        }
-    }
-
-    /// Area in object space at `time` (takes time linear in the triangles of a deforming mesh).
-    #[must_use]
-    pub fn area(&self, time: f64) -> f64 {
-        match self {
-            Self::Sphere | Self::Cylinder => 4.0 * PI,
-            Self::Disk { inner } => PI * (1.0 - inner * inner),
-            Self::Quad => 4.0,
-            Self::Box => 24.0,
-            Self::Mesh(mesh) => mesh.area(),
-            Self::Deforming(mesh) => mesh.mapped_area(DMat3::IDENTITY, time),
         }
     }
 
@@ -146,7 +124,7 @@ impl Shape {
                     square(DVec2::new(q[(axis + 1) % 3], q[(axis + 2) % 3])),
                 )
             }
-            Self::Mesh(mesh) => mesh.local_point(prim, weights),
+            Self::Mesh(mesh) => mesh.local_point(prim, weights, time),
             Self::Deforming(mesh) => mesh.local_point(prim, weights, time),
         }
     }
@@ -167,47 +145,8 @@ impl Shape {
                 let axis = (prim / 2) as usize % 3;
                 Some([(axis + 1) % 3, (axis + 2) % 3].map(|i| DVec3::AXES[i] * 2.0))
             }
-            Self::Mesh(mesh) => mesh.tangents(prim),
+            Self::Mesh(mesh) => mesh.tangents(prim, time),
             Self::Deforming(mesh) => mesh.tangents(prim, time),
-        }
-    }
-
-    /// A point with density 1 / [`Self::inverse_density`]; `u_face` chooses the face, `u` the point on it.
-    pub(super) fn sample(&self, u_face: f64, u: DVec2, time: f64) -> LocalPoint {
-        let (sin, cos) = (TAU * u.y).sin_cos();
-        let ring = |r: f64, z: f64| DVec3::new(r * cos, r * sin, z);
-        let (prim, p) = match self {
-            Self::Sphere => {
-                let z = 1.0 - 2.0 * u.x;
-                (0, ring((1.0 - z * z).max(0.0).sqrt(), z))
-            }
-            Self::Disk { inner } => {
-                let i2 = inner * inner;
-                (0, ring((i2 + u.x * (1.0 - i2)).sqrt(), 0.0))
-            }
-            Self::Quad => (0, (u * 2.0 - 1.0).extend(0.0)),
-            Self::Cylinder => (0, ring(1.0, 2.0 * u.x - 1.0)),
-            Self::Box => {
-                let face = ((u_face * 6.0) as u32).min(5);
-                let axis = (face / 2) as usize;
-                let mut p = analytic::cube_normal(face);
-                p[(axis + 1) % 3] = 2.0 * u.x - 1.0;
-                p[(axis + 2) % 3] = 2.0 * u.y - 1.0;
-                (face, p)
-            }
-            Self::Mesh(mesh) => return mesh.sample(u_face, u),
-            Self::Deforming(mesh) => return mesh.sample(u_face, u, time),
-        };
-        self.local_point(prim, p, DVec2::ZERO, time)
-    }
-
-    /// 1 / the density per object area with which [`Self::sample`] gives a point of face `prim`: the area, except of a deforming
-    /// mesh.
-    #[inline]
-    pub(super) fn inverse_density(&self, prim: u32, time: f64) -> f64 {
-        match self {
-            Self::Deforming(mesh) => mesh.inverse_density(prim, time),
-            _ => self.area(time),
         }
     }
 }

@@ -8,8 +8,8 @@ use crate::math::predicates::TriangleFilter;
 use glam::Vec4;
 use prefetch_index::prefetch_index;
 
-/// Positions of corners, counter-clockwise seen from outside.
-pub(super) type Corners = [[f32; 3]; 3];
+/// Positions of the corners of a triangle, counter-clockwise seen from outside.
+pub(super) type Triangle = [[f32; 3]; 3];
 
 /// A list of triangles.
 #[derive(Debug)]
@@ -19,7 +19,7 @@ pub(super) struct Triangles {
 }
 
 impl Triangles {
-    pub fn new(corners: impl ExactSizeIterator<Item = Corners>) -> Self {
+    pub fn new(corners: impl ExactSizeIterator<Item = Triangle>) -> Self {
         let mut rows = Vec::with_capacity(9 * corners.len() + 1);
         for [a, b, c] in corners {
             for axis in 0..3 {
@@ -40,13 +40,13 @@ impl Triangles {
     }
 
     #[inline(always)]
-    pub fn get(&self, index: u32) -> Corners {
+    pub fn get(&self, index: u32) -> Triangle {
         let (rows, _) = self.rows.as_chunks::<9>();
         let &[ax, bx, cx, ay, by, cy, az, bz, cz] = &rows[index as usize];
         [[ax, ay, az], [bx, by, bz], [cx, cy, cz]]
     }
 
-    pub fn iter(&self) -> impl Iterator<Item = Corners> {
+    pub fn iter(&self) -> impl Iterator<Item = Triangle> {
         (0..self.len() as u32).map(|i| self.get(i))
     }
 

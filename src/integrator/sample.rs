@@ -22,7 +22,7 @@ use crate::transport::walk::{Start, walk};
 use crate::transport::{
     Contribution, Counters, PassSettings, PathContext, PhotonMap, StrategySet, Subpath, Throughput,
 };
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 /// Job of rendering a sensor: what all its samples share.
 #[derive(Clone, Debug)]
@@ -294,17 +294,7 @@ pub fn sample_and_merge(
     if !strategies.wants_light_walk()
         || !start_light(&context, light, max_depth, &sampler, counters)
     {
-        light.restart(
-            EndPoint {
-                p: DVec3::ZERO,
-                n: DVec3::ZERO,
-                surface: None,
-                infinite: false,
-            },
-            sensor.stack.region(),
-            None,
-            0.0,
-        );
+        light.restart(EndPoint::NONE, sensor.stack.region(), None, 0.0);
     }
 
     let margin = sensor.filter.margin();

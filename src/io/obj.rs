@@ -3,7 +3,7 @@
 //! All objects and groups of a file are one mesh. Polygons become triangle fans; points, lines and materials are ignored. Missing normals stay missing (flat shading). Whatever the bytes,
 //! the result is valid meshes or an error that names the file.
 
-use crate::geometry::deforming::{self, DeformingError, Frame};
+use crate::geometry::deforming::{self, DeformingError, KeyFrame};
 use crate::geometry::{Mesh, MeshError, Shape, Shutter};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -166,7 +166,7 @@ pub fn deforming(mut frames: Vec<(f64, Arrays)>, shutter: Shutter) -> Result<Sha
     );
     let frames: Vec<_> = frames
         .into_iter()
-        .map(|(time_s, arrays)| Frame {
+        .map(|(time_s, arrays)| KeyFrame {
             time_s,
             positions: arrays.positions,
             normals: arrays.normals,

@@ -4,7 +4,10 @@
 //! area (a mesh is one light with one area table), directions by the cosine.
 
 use super::{DirectSample, EmissionSample, LightContext, factor, unit_from_to};
-use crate::geometry::{DirectionalDensity, EndPoint, Instance, InstanceId, SurfacePoint};
+use crate::geometry::area::AreaSample;
+use crate::geometry::{
+    AreaSampler, DirectionalDensity, EndPoint, Instance, InstanceId, SurfacePoint,
+};
 use crate::math::{frame::Frame, sampling};
 use crate::spectrum::Emission;
 use crate::texture::SpectrumTexture;
@@ -20,6 +23,8 @@ pub struct AreaLight {
     pub radiance: Emission,
     /// Factor on the radiance over the surface; `None`: 1.
     pub pattern: Option<SpectrumTexture>,
+    /// What draws its points.
+    pub sampler: AreaSampler,
     /// Whether the back emits as well as the side of the geometric normal.
     pub two_sided: bool,
 }
@@ -27,6 +32,13 @@ pub struct AreaLight {
 impl AreaLight {
     fn geometry<'a>(&self, context: &LightContext<'a>) -> &'a Instance {
         &context.accel.instances()[self.instance.0 as usize]
+    }
+
+    /// A point of the surface.
+    pub(crate) fn sample(&self, context: &LightContext, u_face: f64, u: DVec2) -> AreaSample {
+        let instance = self.geometry(context);
+        self.sampler
+            .sample(instance, self.instance, context.time, u_face, u)
     }
 
     fn sides(&self) -> f64 {
@@ -56,9 +68,7 @@ impl AreaLight {
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        let sample = self
-            .geometry(context)
-            .sample_area(self.instance, context.time, u_face, u_pos);
+        let sample = self.sample(context, u_face, u_pos);
         let (side, u_dir) = self.choose_side(u_dir);
         let local = sampling::cosine_hemisphere(u_dir.into());
         let direction = Frame::from_z(sample.point.ng * side)
@@ -66,7 +76,7 @@ impl AreaLight {
             .normalize();
         let pdf_direction = self.direction_density(sample.point.ng, direction);
         (sample.pdf_a > 0.0 && pdf_direction > 0.0).then(|| EmissionSample {
-            x0: end_point(&sample.point),
+            x0: EndPoint::on(&sample.point),
             origin: sample.point.p,
             direction,
             pdf_x0: sample.pdf_a,
@@ -115,7 +125,8 @@ impl AreaLight {
             uv: DVec2::ZERO,
             id,
         };
-        self.geometry(context).pdf_area(&point, context.time)
+        self.sampler
+            .pdf(self.geometry(context), &point, context.time)
     }
 
     pub(super) fn sample_direct(
@@ -125,13 +136,11 @@ impl AreaLight {
         u_face: f64,
         u: DVec2,
     ) -> Option<DirectSample> {
-        let sample = self
-            .geometry(context)
-            .sample_area(self.instance, context.time, u_face, u);
+        let sample = self.sample(context, u_face, u);
         let (toward, distance) = unit_from_to(x1, sample.point.p)?;
         let cos = self.emitting_cos(sample.point.ng, -toward);
         (sample.pdf_a > 0.0 && cos > 0.0).then(|| DirectSample {
-            x0: end_point(&sample.point),
+            x0: EndPoint::on(&sample.point),
             toward,
             distance,
             pdf: sample.pdf_a,
@@ -145,14 +154,5 @@ impl AreaLight {
         } else {
             0.0
         }
-    }
-}
-
-fn end_point(point: &SurfacePoint) -> EndPoint {
-    EndPoint {
-        p: point.p,
-        n: point.ng,
-        surface: Some(point.id),
-        infinite: false,
     }
 }

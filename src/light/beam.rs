@@ -2,8 +2,8 @@
 //!
 //! The aperture plane is where the light starts; nothing behind it is lit.
 
-use super::{DirectSample, EmissionSample, factor, placed_axis, point_end, posed};
-use crate::geometry::{DirectionalDensity, Transform};
+use super::{DirectSample, EmissionSample, factor, placed_axis, posed};
+use crate::geometry::{DirectionalDensity, EndPoint, Transform};
 use crate::math::sampling;
 use crate::spectrum::Emission;
 use glam::{DVec2, DVec3};
@@ -45,7 +45,7 @@ impl BeamLight {
         let local = (self.radius_m * sampling::disk(u_pos.into())).extend(0.0);
         let origin = self.transform.at(time).to_world.transform_point3(local);
         EmissionSample {
-            x0: point_end(origin),
+            x0: EndPoint::at(origin),
             origin,
             direction: placed_axis(&self.transform, time),
             pdf_x0: 1.0,
@@ -61,7 +61,7 @@ impl BeamLight {
         let foot = local.truncate();
         let lit = local.z > 0.0 && foot.length_squared() <= self.radius_m * self.radius_m;
         lit.then(|| DirectSample {
-            x0: point_end(placement.to_world.transform_point3(foot.extend(0.0))),
+            x0: EndPoint::at(placement.to_world.transform_point3(foot.extend(0.0))),
             toward: -placed_axis(&self.transform, time),
             distance: local.z,
             pdf: 1.0,

@@ -30,13 +30,7 @@ impl DirectionalLight {
     }
 
     fn end(&self, time: f64) -> EndPoint {
-        let n = placed_axis(&self.transform, time);
-        EndPoint {
-            p: DVec3::ZERO,
-            n,
-            surface: None,
-            infinite: true,
-        }
+        EndPoint::toward_infinity(placed_axis(&self.transform, time))
     }
 
     /// Flux through the scene's bounding sphere per unit irradiance.

@@ -104,7 +104,7 @@ impl EnvironmentLight {
     ) -> Option<EmissionSample> {
         let (direction, pdf) = self.sample_direction(u_texel, u_dir, context.time);
         (context.radius > 0.0 && pdf > 0.0).then(|| EmissionSample {
-            x0: end(direction),
+            x0: EndPoint::toward_infinity(direction),
             origin: far_disk_origin(context, direction, u_pos),
             direction,
             pdf_x0: pdf,
@@ -125,20 +125,11 @@ impl EnvironmentLight {
             }
         };
         (pdf > 0.0).then(|| DirectSample {
-            x0: end(-toward),
+            x0: EndPoint::toward_infinity(-toward),
             toward,
             distance: f64::INFINITY,
             pdf,
             value: factor(1.0 / pdf),
         })
-    }
-}
-
-fn end(direction: DVec3) -> EndPoint {
-    EndPoint {
-        p: DVec3::ZERO,
-        n: direction,
-        surface: None,
-        infinite: true,
     }
 }

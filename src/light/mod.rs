@@ -197,10 +197,7 @@ impl Light {
     pub fn angular_radius(&self, context: &LightContext, p: DVec3) -> f64 {
         let Self::Area(light) = self else { return 0.0 };
         let instance = &context.accel.instances()[light.instance.0 as usize];
-        let center = instance
-            .sample_area(light.instance, context.time, 0.5, DVec2::splat(0.5))
-            .point
-            .p;
+        let center = light.sample(context, 0.5, DVec2::splat(0.5)).point.p;
         let radius = (instance.area(context.time) / std::f64::consts::PI).sqrt();
         radius.atan2(center.distance(p))
     }
@@ -421,16 +418,6 @@ impl Light {
 /// The same number in every lane: a weight or value for unit emission.
 fn factor(value: f64) -> SampledSpectrum {
     SampledSpectrum::splat(value as f32)
-}
-
-/// A point without extent.
-fn point_end(p: DVec3) -> EndPoint {
-    EndPoint {
-        p,
-        n: DVec3::ZERO,
-        surface: None,
-        infinite: false,
-    }
 }
 
 /// Unit direction and distance; `None` where the points coincide.

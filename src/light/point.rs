@@ -1,7 +1,7 @@
 //! A point that shines equally in all directions.
 
-use super::{DirectSample, EmissionSample, factor, point_end, unit_from_to};
-use crate::geometry::{DirectionalDensity, Transform};
+use super::{DirectSample, EmissionSample, factor, unit_from_to};
+use crate::geometry::{DirectionalDensity, EndPoint, Transform};
 use crate::math::sampling;
 use crate::spectrum::Emission;
 use glam::{DAffine3, DVec2, DVec3};
@@ -40,7 +40,7 @@ impl PointLight {
     pub(super) fn sample_emission(&self, time: f64, u_dir: DVec2) -> EmissionSample {
         let p = self.position(time);
         EmissionSample {
-            x0: point_end(p),
+            x0: EndPoint::at(p),
             origin: p,
             direction: sampling::uniform_sphere(u_dir.into()),
             pdf_x0: 1.0,
@@ -54,7 +54,7 @@ impl PointLight {
         let (toward, distance) = unit_from_to(x1, p)?;
         let value = factor(1.0 / (distance * distance));
         Some(DirectSample {
-            x0: point_end(p),
+            x0: EndPoint::at(p),
             toward,
             distance,
             pdf: 1.0,

@@ -3,8 +3,8 @@
 //! Intensity is full within `falloff_start_rad` of the axis and falls by a smooth step in the cosine to 0 at
 //! `cone_rad`. Directions are drawn exactly in proportion to it, so every emitted path has the same weight.
 
-use super::{DirectSample, EmissionSample, factor, placed_axis, point_end, posed, unit_from_to};
-use crate::geometry::{DirectionalDensity, Transform};
+use super::{DirectSample, EmissionSample, factor, placed_axis, posed, unit_from_to};
+use crate::geometry::{DirectionalDensity, EndPoint, Transform};
 use crate::math::frame::Frame;
 use crate::spectrum::Emission;
 use glam::{DVec2, DVec3};
@@ -114,7 +114,7 @@ impl SpotLight {
         let pdf = self.direction_density(time, direction);
         let p = self.transform.at(time).to_world.translation;
         (pdf > 0.0).then(|| EmissionSample {
-            x0: point_end(p),
+            x0: EndPoint::at(p),
             origin: p,
             direction,
             pdf_x0: 1.0,
@@ -128,7 +128,7 @@ impl SpotLight {
         let (toward, distance) = unit_from_to(x1, p)?;
         let falloff = self.falloff_along(time, -toward);
         (falloff > 0.0).then(|| DirectSample {
-            x0: point_end(p),
+            x0: EndPoint::at(p),
             toward,
             distance,
             pdf: 1.0,

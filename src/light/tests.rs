@@ -1,7 +1,7 @@
 //! What every light must fulfil, whatever its kind, and closed forms of illumination.
 
 use super::*;
-use crate::geometry::{Instance, InstanceId, Shape};
+use crate::geometry::{AreaSampler, Instance, InstanceId, Shape};
 use crate::spectrum::{Curve, WavelengthDistribution};
 use glam::DQuat;
 use std::f64::consts::PI;
@@ -48,8 +48,14 @@ fn spectrum_multiplies_every_value() {
         };
         assert_eq!(escaped, expected);
     }
-    let point = accel.instances()[0]
-        .sample_area(InstanceId(0), 0.0, 0.5, DVec2::splat(0.5))
+    let point = AreaSampler::default()
+        .sample(
+            &accel.instances()[0],
+            InstanceId(0),
+            0.0,
+            0.5,
+            DVec2::splat(0.5),
+        )
         .point;
     assert_eq!(
         area(0, false).radiance(&point, point.ng, &wavelengths)[0],
@@ -102,6 +108,7 @@ fn area(instance: u32, two_sided: bool) -> Light {
         instance: InstanceId(instance),
         radiance: unit_emission(),
         pattern: None,
+        sampler: AreaSampler::default(),
         two_sided,
     })
 }

@@ -2,10 +2,11 @@
 
 use super::OutputRequest;
 use crate::film::fixed::FixedSum;
-use crate::geometry::Shape;
+use crate::geometry::{Instance, Shape};
 use crate::light::Light;
 use crate::scene::Scene;
 use crate::spectrum::SpectralChannels;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Bytes of the films of a request, of so many pixels: two halves of a sum per channel. Films of single strategies come
@@ -21,23 +22,25 @@ pub fn film_bytes(pixels: u64, request: &OutputRequest) -> u64 {
         .saturating_mul(2 * size_of::<FixedSum>() as u64)
 }
 
-/// Bytes of the meshes of a scene, shared ones once.
+/// Bytes of the meshes of a scene and of the tables of those that emit, shared ones once.
 #[must_use]
 pub fn geometry_bytes(scene: &Scene) -> u64 {
-    let mut seen = Vec::new();
-    let mut bytes = 0;
-    for instance in scene.accel.instances() {
-        let (address, size) = match &instance.shape {
-            Shape::Mesh(mesh) => (Arc::as_ptr(mesh).cast::<()>(), mesh.bytes()),
-            Shape::Deforming(mesh) => (Arc::as_ptr(mesh).cast(), mesh.bytes()),
-            _ => continue,
-        };
-        if !seen.contains(&address) {
-            seen.push(address);
-            bytes += size as u64;
+    let mesh = |instance: &Instance| match &instance.shape {
+        Shape::Mesh(mesh) => Some((Arc::as_ptr(mesh).cast::<()>(), mesh.bytes())),
+        Shape::Deforming(mesh) => Some((Arc::as_ptr(mesh).cast(), mesh.bytes())),
+        _ => None,
+    };
+    let table = |light: &Light| match light {
+        Light::Area(area) => {
+            let table = area.sampler.table()?;
+            Some((Arc::as_ptr(table).cast(), table.bytes()))
         }
-    }
-    bytes
+        _ => None,
+    };
+    let meshes = scene.accel.instances().iter().filter_map(mesh);
+    let tables = scene.lights.iter().filter_map(table);
+    let each: BTreeMap<_, _> = meshes.chain(tables).collect();
+    each.values().sum::<usize>() as u64
 }
 
 /// Bytes of the images of a scene, shared ones once, and of the tables that draw from environments.

@@ -10,7 +10,7 @@ pub mod probe;
 pub mod regularization;
 pub mod settings;
 
-pub use build::BuildError;
+pub use build::{BuildError, Subject};
 pub use builder::{SceneBuilder, SceneBuilderError};
 pub use description::{SceneDescription, WavelengthSettings};
 pub use settings::Settings;

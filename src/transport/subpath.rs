@@ -48,10 +48,9 @@ impl Vertex {
     #[must_use]
     pub fn end_point(&self) -> EndPoint {
         EndPoint {
-            p: self.p,
             n: self.ng,
             surface: Some(self.id),
-            infinite: false,
+            ..EndPoint::at(self.p)
         }
     }
 
@@ -211,12 +210,7 @@ pub struct Subpath {
 impl Default for Subpath {
     fn default() -> Self {
         Self {
-            origin: EndPoint {
-                p: DVec3::ZERO,
-                n: DVec3::ZERO,
-                surface: None,
-                infinite: false,
-            },
+            origin: EndPoint::NONE,
             region: Region {
                 medium: MediumId::AMBIENT,
                 rank: None,

@@ -309,12 +309,7 @@ fn record_sensor_hit(
     density.length = distance as f32;
     path.sensor_hits.push(SensorHit {
         depth: path.vertices.len(),
-        x_sensor: EndPoint {
-            p: point.p,
-            n: point.ng,
-            surface: Some(point.id),
-            infinite: false,
-        },
+        x_sensor: EndPoint::on(point),
         raster,
         importance,
         toward_previous: -direction,

@@ -4,7 +4,7 @@
 //! A sphere of 39,600 triangles with edges of about 0.03. Rays are chords between random points of a sphere about it, at random
 //! times, [`PATH`] after one another at the same time like those of a path. Deforming: all vertices go the same way, by half an edge, 5 and 25 edges. Run on one thread.
 
-use abbe::geometry::deforming::{self, Frame};
+use abbe::geometry::deforming::{self, KeyFrame};
 use abbe::geometry::pose::{Pose, Rotation};
 use abbe::geometry::track::{Interpolation, Track};
 use abbe::geometry::{Accel, Instance, Link, Mesh, Ray, Shape, Shutter, Transform};
@@ -76,7 +76,7 @@ fn swept(edges: f64) -> Shape {
     let moved = positions
         .iter()
         .map(|p| [p[0] + shift.x, p[1], p[2] + shift.z]);
-    let frame = |time_s: f64, positions: Points| Frame {
+    let frame = |time_s: f64, positions: Points| KeyFrame {
         time_s,
         positions,
         normals: None,

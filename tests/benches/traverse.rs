@@ -3,7 +3,7 @@
 //! `diffuse_bounces`: from random surface points, cosine-distributed outward, shuffled. `chords`: between random points
 //! of the sphere that bounds the mesh. `camera`: coherent rays from outside. Run on one thread.
 
-use abbe::geometry::{Accel, Instance, InstanceId, Mesh, Ray, Shape, Transform};
+use abbe::geometry::{Accel, AreaSampler, Instance, InstanceId, Mesh, Ray, Shape, Transform};
 use abbe::math::hash;
 use divan::Bencher;
 use divan::counter::ItemsCount;
@@ -83,10 +83,12 @@ fn on_sphere(u: f64, v: f64) -> DVec3 {
 
 fn bounces() -> Vec<Ray> {
     let mut next = numbers();
+    let instance = &SCENE.instances()[0];
+    let sampler = AreaSampler::new(&instance.shape);
     (0..RAYS)
         .map(|_| {
             let u = DVec2::new(next(), next());
-            let s = SCENE.instances()[0].sample_area(InstanceId(0), 0.0, next(), u);
+            let s = sampler.sample(instance, InstanceId(0), 0.0, next(), u);
             let d = (s.point.ng + on_sphere(next(), next())).normalize();
             Ray::leaving(s.point.p, d, 0.0, Some(s.point.id))
         })

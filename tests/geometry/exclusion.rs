@@ -24,8 +24,9 @@ fn placements(random: &mut Random) -> Vec<DAffine3> {
 
 fn sample(accel: &Accel, random: &mut Random) -> abbe::geometry::SurfacePoint {
     let u = DVec2::new(random.unit(), random.unit());
-    accel.instances()[0]
-        .sample_area(ID, 0.0, random.unit(), u)
+    let instance = &accel.instances()[0];
+    abbe::geometry::AreaSampler::new(&instance.shape)
+        .sample(instance, ID, 0.0, random.unit(), u)
         .point
 }
 

@@ -114,10 +114,11 @@ fn triangles_without_area_or_numbers() {
     );
     let shape = Shape::Mesh(Arc::new(mesh));
     let accel = scene(&[(&shape, DAffine3::IDENTITY)]);
+    let sampler = abbe::geometry::AreaSampler::new(&shape);
     let mut random = Random::new(13);
     for _ in 0..1000 {
         let u = DVec2::new(random.unit(), random.unit());
-        let sample = accel.instances()[0].sample_area(InstanceId(0), 0.0, random.unit(), u);
+        let sample = sampler.sample(&accel.instances()[0], InstanceId(0), 0.0, random.unit(), u);
         assert!((sample.pdf_a - 2.0).abs() < 1e-6, "{sample:?}");
     }
     for bad in [f32::NAN, f32::INFINITY] {

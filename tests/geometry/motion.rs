@@ -2,7 +2,7 @@
 //! and none is found that is not there.
 
 use super::support::{Random, icosphere};
-use abbe::geometry::deforming::{self, Frame};
+use abbe::geometry::deforming::{self, KeyFrame};
 use abbe::geometry::pose::{Arcs, Pose, Rotation};
 use abbe::geometry::track::{Interpolation, Track};
 use abbe::geometry::{Accel, Instance, Link, Mesh, Ray, Shape, Shutter, Transform};
@@ -81,7 +81,7 @@ fn jelly(random: &mut Random, sweep: f64) -> Shape {
         .map(|&time_s| {
             let drift = random.direction() * sweep;
             let shear = random.rotation() * 0.3 * sweep.min(1.0);
-            Frame {
+            KeyFrame {
                 time_s,
                 positions: points
                     .iter()
@@ -113,7 +113,7 @@ fn triangles(shape: &Shape, time: f64) -> Vec<[[f32; 3]; 3]> {
     let rounded = |corners: [DVec3; 3]| corners.map(|p| p.as_vec3().to_array());
     match shape {
         Shape::Mesh(mesh) => (0..mesh.triangle_count() as u32)
-            .map(|i| rounded(mesh.corners(i)))
+            .map(|i| rounded(mesh.corners(i, time)))
             .collect(),
         Shape::Deforming(mesh) => (0..mesh.triangle_count() as u32)
             .map(|i| rounded(mesh.corners(i, time)))
@@ -273,7 +273,7 @@ fn a_million_rays_at_random_times_miss_nothing() {
 fn large_sweeps_are_cut_into_segments_and_small_ones_are_not() {
     let (points, faces) = icosphere(3);
     let swept = |sweep: f64| {
-        let frame = |time_s: f64, shift: f64| Frame {
+        let frame = |time_s: f64, shift: f64| KeyFrame {
             time_s,
             positions: points
                 .iter()
@@ -296,7 +296,7 @@ fn large_sweeps_are_cut_into_segments_and_small_ones_are_not() {
 #[test]
 fn frames_that_agree_within_the_shutter_are_an_ordinary_mesh() {
     let (points, faces) = icosphere(0);
-    let frame = |time_s: f64, size: f64| Frame {
+    let frame = |time_s: f64, size: f64| KeyFrame {
         time_s,
         positions: points
             .iter()
@@ -338,14 +338,15 @@ fn area_samples_of_a_moving_thing_have_their_density() {
             shape.clone(),
             &[tumble(&mut random, Interpolation::Linear, 2.0)],
         );
+        let sampler = abbe::geometry::AreaSampler::new(&shape);
         for time in [-0.5, 0.0, 0.37, 0.99] {
             let n = 40_000;
             let (mut sum, mut squares) = (0.0, 0.0);
             for _ in 0..n {
                 let u = glam::dvec2(random.unit(), random.unit());
                 let id = abbe::geometry::InstanceId(0);
-                let sample = instance.sample_area(id, time, random.unit(), u);
-                let pdf = instance.pdf_area(&sample.point, time);
+                let sample = sampler.sample(&instance, id, time, random.unit(), u);
+                let pdf = sampler.pdf(&instance, &sample.point, time);
                 assert!((pdf / sample.pdf_a - 1.0).abs() < 1e-12);
                 sum += 1.0 / sample.pdf_a;
                 squares += sample.pdf_a.powi(-2);

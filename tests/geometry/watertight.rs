@@ -15,7 +15,7 @@ fn misses(accel: &Accel, distance: f64, n: usize, random: &mut Random) -> usize 
     let to_world = instance.transform.at(0.0).to_world;
     (0..n)
         .filter(|i| {
-            let corners = mesh.corners(random.index(mesh.triangle_count()) as u32);
+            let corners = mesh.corners(random.index(mesh.triangle_count()) as u32, 0.0);
             let s = random.unit();
             let target = match i % 3 {
                 0 => corners[0],
@@ -106,7 +106,7 @@ fn closed_meshes_with_small_or_offset_vertices_do_not_leak() {
         let center = DVec3::splat(offset);
         let missed = (0..30_000)
             .filter(|i| {
-                let c = m.corners(random.index(m.triangle_count()) as u32);
+                let c = m.corners(random.index(m.triangle_count()) as u32, 0.0);
                 let target = if i % 2 == 0 {
                     c[0]
                 } else {
@@ -137,7 +137,7 @@ fn the_tree_finds_what_brute_force_finds() {
             unreachable!()
         };
         let corners: Vec<[[f32; 3]; 3]> = (0..500)
-            .map(|i| m.corners(i).map(|p| p.as_vec3().to_array()))
+            .map(|i| m.corners(i, 0.0).map(|p| p.as_vec3().to_array()))
             .collect();
         let mut found = 0;
         for _ in 0..4000 {

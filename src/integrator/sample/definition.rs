@@ -61,19 +61,13 @@ fn end_of(scene: &Scene, ray: &Ray) -> EndPoint {
             .ng
     };
     if ray.t_max.is_infinite() {
-        EndPoint {
-            p: DVec3::ZERO,
-            n: -ray.d,
-            surface: None,
-            infinite: true,
-        }
+        EndPoint::toward_infinity(-ray.d)
     } else {
         let p = ray.o + ray.d * ray.t_max;
         EndPoint {
-            p,
             n: ray.end.map_or(DVec3::ZERO, normal),
             surface: ray.end,
-            infinite: false,
+            ..EndPoint::at(p)
         }
     }
 }
@@ -113,12 +107,7 @@ impl<'a> Finished<'a> {
                     .as_ref()
                     .filter(|_| camera.vertices.len() == t - 2)
                 {
-                    x0 = EndPoint {
-                        p: DVec3::ZERO,
-                        n: -escape.direction,
-                        surface: None,
-                        infinite: true,
-                    };
+                    x0 = EndPoint::toward_infinity(-escape.direction);
                     id = Some(scene.environments[0]);
                 } else {
                     x0 = camera.vertices[t - 2].end_point();

@@ -7,7 +7,7 @@
 use super::hierarchy::{Hierarchy, Place};
 use super::mesh::Arrays;
 use super::{Fault, Reader};
-use crate::geometry::deforming::{self, DeformingError, Frame};
+use crate::geometry::deforming::{self, DeformingError, KeyFrame};
 use crate::geometry::track::Track;
 use crate::geometry::{Mesh, Shape, Shutter};
 use glam::{DAffine3, DMat3, DMat4, DVec3};
@@ -133,7 +133,7 @@ impl Reader<'_> {
         deformation: &Deformation,
         hierarchy: &Hierarchy,
         what: &str,
-    ) -> Result<Vec<Frame>, Fault> {
+    ) -> Result<Vec<KeyFrame>, Fault> {
         let shutter = self.staging.shutter;
         if let Some(skin) = &deformation.skin {
             let known = skin.joints.len();
@@ -151,7 +151,7 @@ impl Reader<'_> {
                 }
             }
         }
-        let mut frame = |time: f64, before: bool| -> Result<Frame, Fault> {
+        let mut frame = |time: f64, before: bool| -> Result<KeyFrame, Fault> {
             let joints = deformation.skin.as_ref().map_or(0, |s| s.joints.len());
             let cost = arrays.positions.len().max(joints + hierarchy.keyed_count());
             self.places = self.places.saturating_add(cost);
@@ -190,7 +190,7 @@ impl Reader<'_> {
             let after = frame(b, false)?;
             // a step: just before it things are as they were
             if after.positions != end.positions || after.normals != end.normals {
-                frames.push(Frame {
+                frames.push(KeyFrame {
                     time_s: b.next_down(),
                     ..end
                 });
@@ -240,7 +240,7 @@ impl Deformation {
 }
 
 impl State {
-    fn frame(&self, arrays: &Arrays, time_s: f64) -> Frame {
+    fn frame(&self, arrays: &Arrays, time_s: f64) -> KeyFrame {
         let count = arrays.positions.len();
         let blended: Option<Vec<DAffine3>> = self
             .joints
@@ -270,7 +270,7 @@ impl State {
             };
             (0..count).map(normal).collect()
         });
-        Frame {
+        KeyFrame {
             time_s,
             positions: positions.collect(),
             normals,
@@ -313,7 +313,7 @@ fn vector(v: [f32; 3]) -> DVec3 {
 }
 
 /// Diagonal of the box around the vertices.
-fn extent(frame: &Frame) -> f64 {
+fn extent(frame: &KeyFrame) -> f64 {
     let points = frame.positions.iter().map(|p| vector(*p));
     let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| {
         (l.min(p), h.max(p))
@@ -322,7 +322,7 @@ fn extent(frame: &Frame) -> f64 {
 }
 
 /// How far a vertex is at most from the line between two frames, at the fraction `u` of the way.
-fn strayed(a: &Frame, b: &Frame, between: &Frame, u: f64) -> f64 {
+fn strayed(a: &KeyFrame, b: &KeyFrame, between: &KeyFrame, u: f64) -> f64 {
     let ends = a.positions.iter().zip(&b.positions);
     ends.zip(&between.positions)
         .map(|((a, b), p)| (vector(*a).lerp(vector(*b), u) - vector(*p)).length())
@@ -330,7 +330,11 @@ fn strayed(a: &Frame, b: &Frame, between: &Frame, u: f64) -> f64 {
 }
 
 /// The shape of frames: one that does not move is an ordinary mesh.
-pub fn shape(frames: &[Frame], arrays: &Arrays, shutter: Shutter) -> Result<Shape, DeformingError> {
+pub fn shape(
+    frames: &[KeyFrame],
+    arrays: &Arrays,
+    shutter: Shutter,
+) -> Result<Shape, DeformingError> {
     let (uvs, triangles) = (arrays.uvs.clone(), arrays.triangles.clone());
     let [still] = frames else {
         return deforming::shape(frames, uvs, triangles, shutter);

@@ -178,6 +178,7 @@ fn what_is_not_possible_is_named() {
                     instance: crate::geometry::InstanceId(0),
                     radiance: Emission::from_rgb([1.0; 3]),
                     pattern: None,
+                    sampler: crate::geometry::AreaSampler::default(),
                     two_sided: false,
                 };
                 s.light("panel", Light::Area(light));

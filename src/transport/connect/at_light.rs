@@ -90,12 +90,7 @@ impl Joiner<'_> {
             if radiance.is_black(self.context.count()) {
                 continue;
             }
-            let x0 = EndPoint {
-                p: DVec3::ZERO,
-                n: -escape.direction,
-                surface: None,
-                infinite: true,
-            };
+            let x0 = EndPoint::toward_infinity(-escape.direction);
             let arrival = LightArrival {
                 t,
                 id,
