@@ -111,7 +111,11 @@ fn damaged_parts() {
             "there is more after the last sum",
         ),
         (with(0, b"x"), "no part file begins like this"),
-        (with(8, &[9]), "version 9, this program reads version 1"),
+        (with(8, &[9]), "version 9, this program reads version 2"),
+        (
+            with(8, &[1]),
+            "version 1, this program reads version 2: render the passes again",
+        ),
         (
             with(12, &[255; 4]),
             "a header of 4294967295 bytes, allowed: at most 1048576",
