@@ -113,6 +113,10 @@ fn damaged_parts() {
         (with(0, b"x"), "no part file begins like this"),
         (with(8, &[9]), "version 9, this program reads version 2"),
         (
+            with(8, &[1]),
+            "version 1, this program reads version 2: render the passes again",
+        ),
+        (
             with(12, &[255; 4]),
             "a header of 4294967295 bytes, allowed: at most 1048576",
         ),
