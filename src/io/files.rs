@@ -80,13 +80,13 @@ pub fn read(folder: &Path, name: &str, limit: u64) -> Result<Vec<u8>, FileProble
 
 /// Rows of 2 to `N` numbers separated by commas, semicolons, tabs or blanks; missing columns are 0. Empty lines, `#`
 /// comments and one header line without numbers are passed over. The first column (nm) must ascend.
-pub fn read_csv<const N: usize>(path: &Path, name: &str) -> Result<Vec<[f64; N]>, FileProblem> {
-    let bad = |message: String| FileProblem::Bad {
-        path: name.to_owned(),
-        message,
-    };
-    let text = std::fs::read_to_string(path).map_err(|e| bad(e.to_string()))?;
-    parse_csv(&text).map_err(bad)
+///
+/// # Errors
+/// What is wrong, in words, with the line.
+pub fn read_csv<const N: usize>(bytes: &[u8]) -> Result<Vec<[f64; N]>, String> {
+    let text = std::str::from_utf8(bytes)
+        .map_err(|e| format!("not UTF-8 at byte {}", e.valid_up_to()))?;
+    parse_csv(text)
 }
 
 fn parse_csv<const N: usize>(text: &str) -> Result<Vec<[f64; N]>, String> {

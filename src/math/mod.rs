@@ -8,6 +8,7 @@ pub mod distribution;
 pub mod frame;
 pub mod hash;
 pub mod image_error;
+pub mod named;
 pub mod predicates;
 pub mod sampling;
 pub mod stats;
