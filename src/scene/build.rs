@@ -16,6 +16,27 @@ use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, MediumId, MediumStack};
 use crate::spectrum::{Emission, WavelengthDistribution};
 use glam::{DVec2, DVec3};
+use std::fmt;
+
+/// Part of a [`SceneDescription`] that a [`BuildError`] is about, by its index there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// The emission of an entry of `objects`.
+    Emission(usize),
+    /// An entry of `lights`.
+    Light(usize),
+    /// An entry of `sensors`.
+    Sensor(usize),
+}
+
+impl fmt::Display for Subject {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Emission(_) | Self::Light(_) => "light",
+            Self::Sensor(_) => "sensor",
+        })
+    }
+}
 
 /// Why a description is no scene.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -25,25 +46,38 @@ pub enum BuildError {
     NoLight,
     /// Rays disagree about the medium around a light or sensor.
     #[error(
-        "cannot tell which medium {what} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it)"
+        "cannot tell which medium {subject} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it)"
     )]
     UnclearMedium {
-        /// "light" or "sensor".
-        what: &'static str,
+        /// The light or sensor.
+        subject: Subject,
         /// Its name.
         name: String,
     },
     /// The medium around a light or sensor is another one at another time.
-    #[error("{what} \"{name}\" moves from one medium into another while the shutter is open")]
+    #[error("{subject} \"{name}\" moves from one medium into another while the shutter is open")]
     ChangingMedium {
-        /// "light" or "sensor".
-        what: &'static str,
+        /// The light or sensor.
+        subject: Subject,
         /// Its name.
         name: String,
     },
     /// More instances than ids.
     #[error("the scene has more than {0} surfaces")]
     TooManyInstances(u32),
+}
+
+impl BuildError {
+    /// The part of the description to blame; `None` where it is the scene as a whole.
+    #[must_use]
+    pub fn subject(&self) -> Option<Subject> {
+        match self {
+            Self::UnclearMedium { subject, .. } | Self::ChangingMedium { subject, .. } => {
+                Some(*subject)
+            }
+            Self::NoLight | Self::TooManyInstances(_) => None,
+        }
+    }
 }
 
 /// Points of a surface at which the medium around it is checked.
@@ -81,6 +115,7 @@ impl Scene {
         let mut objects = Vec::with_capacity(described.len());
         let mut lights = Vec::new();
         let mut light_names = Vec::new();
+        let mut light_subjects = Vec::new();
         if described.len() + sensors.len() >= u32::MAX as usize {
             return Err(BuildError::TooManyInstances(u32::MAX));
         }
@@ -93,7 +128,7 @@ impl Scene {
             Some(lines) => emission.restricted_to_lines(lines),
             None => emission,
         };
-        for object in described {
+        for (index, object) in described.into_iter().enumerate() {
             let id = InstanceId(instances.len() as u32);
             let instance = Instance {
                 shape: object.shape,
@@ -108,6 +143,7 @@ impl Scene {
                     two_sided: emission.two_sided,
                 }));
                 light_names.push(object.name.clone());
+                light_subjects.push(Subject::Emission(index));
                 light
             });
             instances.push(instance);
@@ -125,9 +161,10 @@ impl Scene {
                 transparent_sensor: false,
             });
         }
-        for free in free_lights {
+        for (index, free) in free_lights.into_iter().enumerate() {
             lights.push(free.light.map_emission(seen));
             light_names.push(free.name);
+            light_subjects.push(Subject::Light(index));
         }
         let mut placed = Vec::with_capacity(sensors.len());
         for (index, mut sensor) in sensors.into_iter().enumerate() {
@@ -198,17 +235,17 @@ impl Scene {
         let distribution = distribution(&wavelengths, &lights, &powers);
 
         let mut light_stacks = Vec::with_capacity(lights.len());
-        for (light, name) in lights.iter().zip(&light_names) {
+        for ((light, name), subject) in lights.iter().zip(&light_names).zip(light_subjects) {
             let stacks = contexts
                 .iter()
                 .map(|context| light_stack(&accel, &objects, context, light, ambient));
-            light_stacks.push(lasting(stacks, "light", name)?);
+            light_stacks.push(constant_stack(stacks, subject, name)?);
         }
-        for sensor in &mut placed {
+        for (index, sensor) in placed.iter_mut().enumerate() {
             let stacks = moments(sensor.shutter)
                 .into_iter()
                 .map(|time| sensor_stack(&accel, &objects, &sensor.camera, time, ambient));
-            sensor.stack = lasting(stacks, "sensor", &sensor.name)?;
+            sensor.stack = constant_stack(stacks, Subject::Sensor(index), &sensor.name)?;
         }
         let environments = (0..lights.len())
             .filter(|&i| matches!(lights[i], Light::Environment(_)))
@@ -278,18 +315,24 @@ fn bounding_sphere(accel: &Accel) -> (DVec3, f64) {
     })
 }
 
-/// The stack that is found at all moments.
-fn lasting(
+/// The common stack of all moments, or why there is none.
+fn constant_stack(
     stacks: impl Iterator<Item = Option<MediumStack>>,
-    what: &'static str,
+    subject: Subject,
     name: &str,
 ) -> Result<MediumStack, BuildError> {
     let mut found: Option<MediumStack> = None;
     for stack in stacks {
         let name = || name.to_owned();
-        let stack = stack.ok_or_else(|| BuildError::UnclearMedium { what, name: name() })?;
+        let stack = stack.ok_or_else(|| BuildError::UnclearMedium {
+            subject,
+            name: name(),
+        })?;
         if found.as_ref().is_some_and(|first| *first != stack) {
-            return Err(BuildError::ChangingMedium { what, name: name() });
+            return Err(BuildError::ChangingMedium {
+                subject,
+                name: name(),
+            });
         }
         found = Some(stack);
     }

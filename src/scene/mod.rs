@@ -9,7 +9,7 @@ pub mod probe;
 pub mod regularization;
 pub mod settings;
 
-pub use build::BuildError;
+pub use build::{BuildError, Subject};
 pub use description::SceneDescription;
 pub use settings::Settings;
 

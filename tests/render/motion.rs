@@ -645,7 +645,7 @@ motion = [{{ keys = [{{ time = 0, translate = [0, 0, 0] }}, {{ time = 1, transla
     };
     assert_eq!(build(-1.0), Ok(true));
     let expected = abbe::scene::BuildError::ChangingMedium {
-        what: "light",
+        subject: abbe::scene::Subject::Light(0),
         name: "lamp".to_owned(),
     };
     assert_eq!(build(-3.0), Err(expected));
