@@ -5,7 +5,6 @@ use crate::io::atomic::FileError;
 use crate::io::exr::ExrError;
 use crate::io::part::PartError;
 use crate::io::scene_file::SceneFileErrors;
-use crate::scene::BuildError;
 use crate::spectrum::LibraryError;
 use std::path::PathBuf;
 
@@ -18,14 +17,6 @@ pub enum CliError {
     /// A scene file with problems, one line each.
     #[error("{0}")]
     SceneFile(#[from] SceneFileErrors),
-    /// A scene file whose parts are valid but make no scene.
-    #[error("{}: {source}", path.display())]
-    Build {
-        /// The scene file.
-        path: PathBuf,
-        /// What is wrong.
-        source: BuildError,
-    },
     /// A file that cannot be read or written.
     #[error("{}: {message}", path.display())]
     File {

@@ -6,10 +6,11 @@ use crate::film::Filter;
 use crate::io::part::{PartHeader, PassRange};
 use crate::io::scene_file::{self, OutputUnits};
 use crate::math::hash::hash_bytes;
+use crate::math::named::Named;
 use crate::render::{EpsilonChoice, RadiusChoice, Render};
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
 use crate::scene::frozen::Frozen;
-use crate::scene::settings::{Heuristic, IntegratorKind, Regularize, Sharing};
+use crate::scene::settings::IntegratorKind;
 use crate::scene::{Scene, Settings};
 use crate::spectrum::SensorResponse;
 use std::collections::BTreeMap;
@@ -47,10 +48,8 @@ pub fn load_frozen(
         file.description.freeze(frozen);
     }
     let wavelengths = file.description.wavelengths.clone();
-    let scene = Scene::build(file.description).map_err(|source| CliError::Build {
-        path: path.to_owned(),
-        source,
-    })?;
+    let scene =
+        Scene::build(file.description).map_err(|error| file.places.build_error(path, &error))?;
     Ok(Loaded {
         scene,
         settings: file.settings,
@@ -64,14 +63,7 @@ pub fn load_frozen(
 /// Name of an integrator.
 #[must_use]
 pub fn integrator_name(kind: IntegratorKind) -> &'static str {
-    match kind {
-        IntegratorKind::Path => "path",
-        IntegratorKind::Light => "light",
-        IntegratorKind::Bdpt => "bdpt",
-        IntegratorKind::Vcm => "vcm",
-        IntegratorKind::Bpm => "bpm",
-        IntegratorKind::Ppm => "ppm",
-    }
+    kind.as_str()
 }
 
 fn filter_name(filter: &Filter) -> String {
@@ -157,26 +149,13 @@ impl Loaded {
             OutputUnits::Radiance => "radiance, unit equal-energy radiance has Y = 1",
             OutputUnits::Photometric => "photometric, 683 lm/W",
         };
-        let heuristic = match settings.heuristic {
-            Heuristic::Balance => "balance",
-            Heuristic::Power2 => "power2",
-        };
-        let regularize = match settings.regularization.mode {
-            Regularize::Auto => "auto",
-            Regularize::Off => "off",
-            Regularize::Single => "single",
-            Regularize::Mis => "mis",
-        };
         let max_depth = settings
             .max_depth
             .map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
         [
-            (
-                "integrator",
-                integrator_name(settings.integrator).to_owned(),
-            ),
-            ("heuristic", heuristic.to_owned()),
-            ("regularize", regularize.to_owned()),
+            ("integrator", settings.integrator.to_string()),
+            ("heuristic", settings.heuristic.to_string()),
+            ("regularize", settings.regularization.mode.to_string()),
             ("lanes", settings.lanes.to_string()),
             ("maxDepth", max_depth),
             ("filter", filter_name(&self.scene.sensors[sensor].filter)),
@@ -216,11 +195,6 @@ impl Loaded {
     /// What the image says of merging.
     fn merging_attributes(&self, radius: &RadiusChoice) -> BTreeMap<String, String> {
         let merging = &self.settings.merging;
-        let sharing = match merging.sharing {
-            Sharing::Hero => "hero",
-            Sharing::Set => "set",
-            Sharing::Stratified => "stratified",
-        };
         let exponent = -0.5 * (1.0 - merging.alpha);
         [
             ("mergeRadiusFirst", format!("{} m", radius.radius)),
@@ -229,7 +203,7 @@ impl Loaded {
                 "mergeRadiusSchedule",
                 format!("{} (pass + 1)^({exponent:.6}) m", radius.radius),
             ),
-            ("sharing", sharing.to_owned()),
+            ("sharing", merging.sharing.to_string()),
         ]
         .map(|(name, value)| (name.to_owned(), value))
         .into()

@@ -84,8 +84,8 @@ pub fn read(folder: &Path, name: &str, limit: u64) -> Result<Vec<u8>, FileProble
 /// # Errors
 /// What is wrong, in words, with the line.
 pub fn read_csv<const N: usize>(bytes: &[u8]) -> Result<Vec<[f64; N]>, String> {
-    let text = std::str::from_utf8(bytes)
-        .map_err(|e| format!("not UTF-8 at byte {}", e.valid_up_to()))?;
+    let text =
+        std::str::from_utf8(bytes).map_err(|e| format!("not UTF-8 at byte {}", e.valid_up_to()))?;
     parse_csv(text)
 }
 

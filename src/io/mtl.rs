@@ -14,7 +14,7 @@
 
 use super::files;
 use super::image_file::{self, MAX_IMAGE_BYTES};
-use super::model::{Model};
+use super::model::Model;
 use crate::bsdf::coated::Coat;
 use crate::geometry::{Mesh, MeshError, Shape, Transform};
 use crate::material::{Coverage, LobeSpec, Material, MaterialId, NormalMap};

@@ -48,7 +48,7 @@ pub fn read_arrays(mut bytes: &[u8]) -> Result<Arrays, ObjError> {
         ignore_points: true,
         ignore_lines: true,
     };
-    let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
+    let no_materials = |_: &std::path::Path| Err(tobj::LoadError::OpenFileFailed);
     let (models, _) = tobj::load_obj_buf(
         &mut BufReader::new(Grouped::new(&mut bytes)),
         &options,

@@ -5,7 +5,6 @@
 //! allocated.
 
 use crate::geometry::Mesh;
-use std::path::Path;
 
 /// Most properties of an element.
 const MAX_PROPERTIES: usize = 256;

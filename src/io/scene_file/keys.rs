@@ -69,13 +69,6 @@ pub struct Spec {
     pub range: Option<Range>,
 }
 
-impl Spec {
-    /// The same range under another name: for parts of a value.
-    pub const fn part(self, name: &'static str) -> Self {
-        Self { name, ..self }
-    }
-}
-
 /// What may stand for a value.
 #[derive(Clone, Debug)]
 pub enum Form {

@@ -1,7 +1,9 @@
 //! `[[light]]`: lights that are no surfaces. Directions point the way the light travels.
 
 use super::document::Node;
-use super::keys::{Build, Built, Form, Given, Keys, POSITIVE, Range, Spec, Table, Value, first_given, keys};
+use super::keys::{
+    Build, Built, Form, Given, Keys, POSITIVE, Range, Spec, Table, Value, first_given, keys,
+};
 use super::motion::Motion;
 use super::reader::Reader;
 use super::spectrum::Emitted;
@@ -39,7 +41,10 @@ impl Build for PointKeys {
     type Output = Light;
 
     fn build(self, _: &Table<'_>, _: &mut Reader<'_>) -> Option<Light> {
-        Some(Light::Point(PointLight::at(self.position.0, self.intensity.0)))
+        Some(Light::Point(PointLight::at(
+            self.position.0,
+            self.intensity.0,
+        )))
     }
 }
 

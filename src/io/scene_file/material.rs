@@ -3,8 +3,8 @@
 use super::document::Node;
 use super::error::Problem;
 use super::keys::{
-    Build, Built, Form, Given, Keys, NON_NEGATIVE, POSITIVE, Spec, Table, UNIT_INTERVAL,
-    Value, first_given, keys,
+    Build, Built, Form, Given, Keys, NON_NEGATIVE, POSITIVE, Spec, Table, UNIT_INTERVAL, Value,
+    first_given, keys,
 };
 use super::medium::{INDEX, library_index, validated};
 use super::reader::{Reader, definitions};
@@ -114,7 +114,11 @@ impl Build for ConductorKeys {
             (None, Some(n), Some(k), None) => {
                 table.sound(cx)?;
                 let n = Ior::constant(n);
-                let ior = if k > 0.0 { n.with_k(Curve::Constant(k)) } else { n };
+                let ior = if k > 0.0 {
+                    n.with_k(Curve::Constant(k))
+                } else {
+                    n
+                };
                 validated(ior, true, &table.at, cx)
             }
             _ => {
@@ -435,7 +439,8 @@ impl Value for Materials {
                     return None;
                 }
             };
-            let is_dielectric = |lobe: &(_, LobeSpec)| matches!(lobe.1, LobeSpec::Dielectric { .. });
+            let is_dielectric =
+                |lobe: &(_, LobeSpec)| matches!(lobe.1, LobeSpec::Dielectric { .. });
             let facts = MaterialFacts {
                 id,
                 is_dielectric: material.lobes.iter().any(is_dielectric),

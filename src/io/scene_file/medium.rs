@@ -81,7 +81,9 @@ impl Media {
             .and_then(|name| media.iter().position(|m| m.name == name.value.0));
         if let (None, Some(name)) = (chosen, &ambient) {
             let known = media.iter().map(|m| m.name.as_str());
-            cx.error(&name.at, || Problem::unknown("medium", &name.value.0, known));
+            cx.error(&name.at, || {
+                Problem::unknown("medium", &name.value.0, known)
+            });
         }
         let vacuum = || Medium {
             name: "ambient".to_owned(),
@@ -135,14 +137,21 @@ fn medium(node: Node<'_>, cx: &mut Reader<'_>) -> Option<(Ior, bool, Option<Curv
     let keys = MediumKeys::from_table(&table, cx)?;
     table.exactly_one(&MediumKeys::NAMES[..5], "medium", cx)?;
     if keys.extrapolate && keys.file.is_none() {
-        cx.conflict(&table.span("extrapolate"), "extrapolate is for tables (file) only");
+        cx.conflict(
+            &table.span("extrapolate"),
+            "extrapolate is for tables (file) only",
+        );
     }
     let given = [
-        keys.glass.as_ref().map(|glass| library_index(&glass.value.0, &glass.at, false, cx)),
+        keys.glass
+            .as_ref()
+            .map(|glass| library_index(&glass.value.0, &glass.at, false, cx)),
         keys.ior.map(|n| Some(Ior::constant(n))),
         keys.cauchy.as_ref().map(|c| cauchy(c, cx)),
         keys.sellmeier.as_ref().map(|s| sellmeier(s, cx)),
-        keys.file.as_ref().map(|file| tabulated(file, keys.extrapolate, cx)),
+        keys.file
+            .as_ref()
+            .map(|file| tabulated(file, keys.extrapolate, cx)),
     ];
     let ior = given.into_iter().flatten().next()??;
     Some((ior, keys.use_k, keys.absorption.map(|a| a.0)))
@@ -214,7 +223,9 @@ fn formula(
     at: &Span<usize>,
     cx: &mut Reader<'_>,
 ) -> Option<Ior> {
-    let range_nm = cx.range_nm.filter(|_| coefficients.iter().all(|c| FINITE.contains(*c)))?;
+    let range_nm = cx
+        .range_nm
+        .filter(|_| coefficients.iter().all(|c| FINITE.contains(*c)))?;
     match Ior::formula(number, coefficients, range_nm) {
         Ok(ior) => Some(validated(ior.named(name, "the scene file"), false, at, cx)),
         Err(error) => {

@@ -54,9 +54,9 @@ impl Build for MeshKeys {
 
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Shape> {
         match (&self.obj, &self.ply, &self.frames) {
-            (Some(file), None, None) => {
-                still(file, cx, |bytes| obj::read(bytes).map_err(|e| e.to_string()))
-            }
+            (Some(file), None, None) => still(file, cx, |bytes| {
+                obj::read(bytes).map_err(|e| e.to_string())
+            }),
             (None, Some(file), None) => still(file, cx, ply::read),
             (None, None, Some(frames)) => deforming(frames, table, cx),
             _ => {
@@ -102,11 +102,7 @@ fn still(
     })
 }
 
-fn deforming(
-    frames: &At<Vec<FrameKeys>>,
-    table: &Table<'_>,
-    cx: &mut Reader<'_>,
-) -> Option<Shape> {
+fn deforming(frames: &At<Vec<FrameKeys>>, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Shape> {
     let At { value: frames, at } = frames;
     if frames.is_empty() || frames.len() > MAX_FRAMES {
         let message = format!("{} frames (allowed: 1 to {MAX_FRAMES})", frames.len());

@@ -15,6 +15,7 @@ mod model;
 mod motion;
 mod object;
 mod reader;
+pub mod reference;
 mod render;
 mod scene;
 mod sensor;
@@ -24,6 +25,7 @@ mod texture;
 mod transform;
 mod value;
 
+pub use crate::scene::settings::OutputUnits;
 pub use error::{Place, Problem, SceneFileError, SceneFileErrors};
 
 use crate::io::atomic::folder;
@@ -31,7 +33,7 @@ use crate::io::convert::shortest_scene;
 use crate::io::files::{self, FileProblem};
 use crate::io::model_file::ModelKind;
 use crate::scene::description::SceneDescription;
-use crate::scene::settings::{OutputUnits, Settings};
+use crate::scene::settings::Settings;
 use crate::scene::{BuildError, Subject};
 use document::Source;
 use std::fs::File;

@@ -7,8 +7,8 @@ use super::sensor::{DEFAULT_RESOLUTION, EDGE, Size};
 use super::transform::Steps;
 use super::value::{AnimationName, At, FileName, items};
 use crate::geometry::Shutter;
-use crate::io::model::{self, MAX_MODEL_BYTES, Model, ModelCamera, Staging};
 use crate::io::gltf::PER_NIT;
+use crate::io::model::{self, MAX_MODEL_BYTES, Model, ModelCamera, Staging};
 use crate::io::model_file::{self, ModelKind};
 use crate::math::hash::combine;
 use crate::scene::description::{LightDescription, SceneDescription, SensorDescription};
@@ -165,8 +165,7 @@ impl Models {
             let said = std::mem::take(&mut model.notes);
             notes.extend(said.into_iter().map(|n| format!("{name}: {n}")));
             let filter = cx.film_filter(None, None, false);
-            let sensor =
-                |c: &ModelCamera| c.sensor(unread.size.resolution(), filter, own_shutter);
+            let sensor = |c: &ModelCamera| c.sensor(unread.size.resolution(), filter, own_shutter);
             all.cameras.extend(model.cameras.iter().map(sensor));
             all.models.push(model);
         }
@@ -208,7 +207,8 @@ impl Loaded {
                 notes.push("no camera: one that sees all of the model is used".to_owned());
                 let filter = cx.film_filter(None, None, false);
                 let camera = model::standard_camera(&scene.objects);
-                self.cameras.push(camera.sensor(size.resolution(), filter, shutter));
+                self.cameras
+                    .push(camera.sensor(size.resolution(), filter, shutter));
             }
             model::name_sensors(&mut self.cameras);
             scene.sensors = self.cameras;

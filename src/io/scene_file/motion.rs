@@ -131,7 +131,10 @@ impl Value for Moments {
             let Some(key) = MomentKeys::from_table(&table, cx) else {
                 continue;
             };
-            if keys.last().is_some_and(|last| key.time.value <= last.time.value) {
+            if keys
+                .last()
+                .is_some_and(|last| key.time.value <= last.time.value)
+            {
                 cx.conflict(&key.time.at, "time is not above that of the key before");
             }
             if key.translate.is_none() && key.rotate.is_none() && key.scale.is_none() {

@@ -1,9 +1,7 @@
 //! `[[object]]`: a shape, where it is, what it is made of, what it separates and what it emits.
 
 use super::document::Node;
-use super::keys::{
-    Build, Built, Form, Given, Keys, Range, Spec, Table, Value, first_given, keys,
-};
+use super::keys::{Build, Built, Form, Given, Keys, Range, Spec, Table, Value, first_given, keys};
 use super::material::MaterialFacts;
 use super::mesh::MeshSource;
 use super::motion::Motion;
@@ -13,8 +11,8 @@ use super::spectrum::SurfaceEmission;
 use super::transform::Steps;
 use super::value::{At, MaterialName, MediumName, Name, items};
 use crate::geometry::{Shape, Transform};
-use crate::medium::{Boundary, MediumId};
 use crate::material::MaterialId;
+use crate::medium::{Boundary, MediumId};
 use crate::scene::description::{AreaEmission, ObjectDescription};
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeSet;
@@ -223,8 +221,9 @@ impl ObjectKeys {
         };
         if material.is_dielectric && self.interior.is_none() && self.interface.is_none() {
             let name = &name.value.0;
-            let message =
-                format!("material \"{name}\" is dielectric: the object needs interior or interface");
+            let message = format!(
+                "material \"{name}\" is dielectric: the object needs interior or interface"
+            );
             cx.conflict(&table.span("material"), message);
         }
         let cut = self.emission.is_some() || boundary != Boundary::None;
@@ -271,7 +270,10 @@ impl Value for Objects {
             }
             object.name = name.unwrap_or_else(|| format!("object {i}"));
             if object.material.0 == cx.black && object.emission.is_none() {
-                let warning = format!("{} has no material and no emission: it is black", object.name);
+                let warning = format!(
+                    "{} has no material and no emission: it is black",
+                    object.name
+                );
                 cx.warnings.push(warning);
             }
             objects.push(At {

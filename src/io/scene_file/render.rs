@@ -16,11 +16,7 @@ use toml::de::DeValue;
 
 const PASSES: Range = Range::closed(1.0, u32::MAX as f64, "1 to 4294967295");
 const SEED: Range = Range::closed(0.0, i64::MAX as f64, "0 to 2^63 - 1");
-const DEPTH: Range = Range::closed(
-    0.0,
-    65_535.0,
-    "0 to 65535, or leave it out for no limit",
-);
+const DEPTH: Range = Range::closed(0.0, 65_535.0, "0 to 65535, or leave it out for no limit");
 const PROBABILITY: Range = Range::above(0.0, 1.0, "above 0, at most 1");
 const WAVELENGTH: Range = Range::closed(100.0, 20_000.0, "100 to 20000 nm");
 const CONE: Range = Range::closed(1e-9, FRAC_PI_2, "1e-9 to pi/2 radians, or \"auto\"");

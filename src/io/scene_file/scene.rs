@@ -100,7 +100,15 @@ impl SceneKeys {
         mut notes: Vec<String>,
         cx: &mut Reader<'_>,
     ) -> Option<LoadedScene> {
-        let Sensors { count, read } = self.sensor;
+        // what others refer to by name has been left with the reader
+        let Self {
+            unit: Unit,
+            ambient: Ambient,
+            spectrum: Spectra,
+            mesh: Meshes,
+            sensor: Sensors { count, read },
+            ..
+        } = self;
         if count == 0 && self.model.count == 0 {
             let message = "the scene has no sensor (allowed: at least one [[sensor]])";
             cx.conflict(&(0..0), message);
@@ -121,12 +129,19 @@ impl SceneKeys {
                 "things move, but every shutter is open for a moment only: nothing is blurred";
             cx.warnings.push(warning.to_owned());
         }
-        let sensors = read.into_iter().map(|(At { value: mut sensor, .. }, motion)| {
-            if !motion.is_empty() {
-                sensor.camera = sensor.camera.under(&motion, shutter);
-            }
-            sensor
-        });
+        let sensors = read.into_iter().map(
+            |(
+                At {
+                    value: mut sensor, ..
+                },
+                motion,
+            )| {
+                if !motion.is_empty() {
+                    sensor.camera = sensor.camera.under(&motion, shutter);
+                }
+                sensor
+            },
+        );
         let file_hashes = cx.file_hashes.iter();
         let mut description = SceneDescription {
             media: self.medium.0,

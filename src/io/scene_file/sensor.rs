@@ -365,7 +365,7 @@ keys! {
 
 /// A sensor that has no name yet, unless it was given one, and does not move yet.
 pub struct Unnamed {
-    name: Option<At<Name>>,
+    name: Option<At<String>>,
     camera: Camera,
     filter: (Option<FilterKind>, Option<f64>),
     shutter: Shutter,
@@ -376,6 +376,10 @@ impl Build for SensorKeys {
     type Output = Unnamed;
 
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Unnamed> {
+        let name = self.name.as_ref().map(|given| At {
+            value: file_name(given, cx),
+            at: given.at.clone(),
+        });
         table.exactly_one(&["perspective", "orthographic", "detector"], "sensor", cx)?;
         let (camera, own_size) = first_given([
             self.perspective.map(|g| g.0),
@@ -389,7 +393,7 @@ impl Build for SensorKeys {
         table.sound(cx)?;
         let size = self.resolution.or(own_size).unwrap_or(DEFAULT_RESOLUTION);
         Some(Unnamed {
-            name: self.name,
+            name,
             camera: camera(size.resolution()),
             filter: (self.filter, self.filter_radius),
             shutter: self.shutter,
@@ -420,10 +424,16 @@ impl Value for Sensors {
         };
         let mut names = BTreeSet::new();
         for (i, item) in list.into_iter().enumerate() {
-            let name = file_name(item, i, &mut names, cx);
             let Some(Built(sensor)) = Built::<SensorKeys>::read(item, spec, cx) else {
                 continue;
             };
+            let at = sensor.name.as_ref().map_or(item.span(), |n| n.at.clone());
+            let name = sensor
+                .name
+                .map_or_else(|| format!("sensor-{i}"), |n| n.value);
+            if !names.insert(name.clone()) {
+                cx.conflict(&at, format!("sensor \"{name}\" is defined twice"));
+            }
             let is_detector = matches!(sensor.camera, Camera::Detector(_));
             let shutter = sensor.shutter;
             cx.shutter = Some(cx.shutter.map_or(shutter, |all| all.union(shutter)));
@@ -449,28 +459,16 @@ impl Value for Sensors {
     }
 }
 
-/// The name of a sensor, which must be part of a file name and its own.
-fn file_name(
-    sensor: Node<'_>,
-    index: usize,
-    names: &mut BTreeSet<String>,
-    cx: &mut Reader<'_>,
-) -> String {
-    let given = sensor.get_ref().get("name");
-    let at = given.map_or(sensor.span(), |name| name.span());
-    let name = given.and_then(|name| name.get_ref().as_str());
-    let name = name.map_or_else(|| format!("sensor {index}"), str::to_owned);
-    let name = name.replace(' ', "-");
-    if !names.insert(name.clone()) {
-        cx.conflict(&at, format!("sensor \"{name}\" is defined twice"));
-    }
+/// A name that can be part of a file name.
+fn file_name(given: &At<Name>, cx: &mut Reader<'_>) -> String {
+    let name = given.value.0.replace(' ', "-");
     let in_file_name = |c: char| c.is_alphanumeric() || "-_.".contains(c);
     let fits = !name.is_empty() && name.len() <= 64 && !name.starts_with('.');
     if !fits || !name.chars().all(in_file_name) {
         let message = format!(
             "name \"{name}\" cannot be part of a file name (allowed: letters, digits, - _ .)"
         );
-        cx.conflict(&at, message);
+        cx.conflict(&given.at, message);
     }
     name
 }

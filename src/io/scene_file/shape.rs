@@ -59,7 +59,11 @@ impl Build for DiskKeys {
         let shape = Shape::Disk {
             inner: inner / radius,
         };
-        Some(placed(shape, DMat3::from_quat(turn) * radius, self.center.0))
+        Some(placed(
+            shape,
+            DMat3::from_quat(turn) * radius,
+            self.center.0,
+        ))
     }
 }
 

@@ -1,9 +1,7 @@
 //! Spectra: one source, values fit for their use.
 
 use super::document::Node;
-use super::keys::{
-    FINITE, Form, Keys, NON_NEGATIVE, POSITIVE, Range, Spec, Table, Value, keys,
-};
+use super::keys::{FINITE, Form, Keys, NON_NEGATIVE, POSITIVE, Range, Spec, Table, Value, keys};
 use super::reader::{Reader, definitions};
 use super::texture::Texture;
 use super::value::{At, FileName, SpectrumName, number};
@@ -117,7 +115,9 @@ impl Spectrum {
             }
             _ => {
                 let expected = "a spectrum: a number, [r, g, b], a name or a table";
-                number(node, spec, expected, cx).map(Source::Constant).map(plain)
+                number(node, spec, expected, cx)
+                    .map(Source::Constant)
+                    .map(plain)
             }
         };
         spectrum.filter(|_| cx.error_count() == before)
@@ -207,7 +207,9 @@ impl Spectrum {
         if FINITE.contains(largest) && largest > 1.0 {
             cx.out_of_range(what, largest.to_string(), &self.at, "0 to 1");
         }
-        let curve = self.scaled_curve(cx).filter(|_| cx.error_count() == before)?;
+        let curve = self
+            .scaled_curve(cx)
+            .filter(|_| cx.error_count() == before)?;
         let largest = curve.bounds().1;
         if largest > 1.0 {
             let what = "the largest value of a reflectance or transmittance";
@@ -347,7 +349,7 @@ impl Value for Reflectance {
 
     fn show(&self) -> String {
         match &self.value {
-            SpectrumTexture::Constant(Curve::Constant(value)) => value.to_string(),
+            SpectrumTexture::Uniform(Curve::Constant(value)) => value.to_string(),
             _ => String::new(),
         }
     }
@@ -459,9 +461,7 @@ impl Value for Spectra {
             range: None,
         };
         // a name of the library here, whatever other definitions are called
-        let defined = definitions(node, cx, |_, node, cx| {
-            Spectrum::defined(node, spec, cx)
-        })?;
+        let defined = definitions(node, cx, |_, node, cx| Spectrum::defined(node, spec, cx))?;
         cx.spectra = defined;
         Some(Self)
     }

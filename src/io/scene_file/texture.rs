@@ -133,7 +133,10 @@ fn texture(
     };
     let pyramid = matches!(filter, Filter::Mipmap { .. });
     if keys.level.is_some() && !pyramid {
-        cx.conflict(&table.span("level"), "level is for filter = \"mipmap\" only");
+        cx.conflict(
+            &table.span("level"),
+            "level is for filter = \"mipmap\" only",
+        );
     }
     let [scale, offset] = [keys.scale, keys.offset].map(DVec2::from);
     if scale.x == 0.0 || scale.y == 0.0 {
@@ -166,14 +169,16 @@ pub fn image(
         cx.named_again(&path);
         return image;
     }
-    let image = cx.bytes(name, &path).and_then(|bytes| match decode(&bytes, srgb) {
-        Ok(image) if pyramid => Some(Arc::new(image.with_pyramid())),
-        Ok(image) => Some(Arc::new(image)),
-        Err(message) => {
-            cx.bad_file(name, message);
-            None
-        }
-    });
+    let image = cx
+        .bytes(name, &path)
+        .and_then(|bytes| match decode(&bytes, srgb) {
+            Ok(image) if pyramid => Some(Arc::new(image.with_pyramid())),
+            Ok(image) => Some(Arc::new(image)),
+            Err(message) => {
+                cx.bad_file(name, message);
+                None
+            }
+        });
     cx.images.insert(key, image.clone());
     image
 }

@@ -251,19 +251,6 @@ impl<T: Value> Value for Vec<T> {
     }
 }
 
-/// A list that must be given.
-pub struct Required<T>(pub Vec<T>);
-
-impl<T: Value> Value for Required<T> {
-    fn form() -> Form {
-        Vec::<T>::form()
-    }
-
-    fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
-        Vec::read(node, spec, cx).map(Self)
-    }
-}
-
 impl<T: Value, const N: usize> Value for [T; N] {
     fn form() -> Form {
         Form::Tuple(Box::new(T::form()), N)
