@@ -40,7 +40,8 @@ keys! {
 impl Build for PointKeys {
     type Output = Light;
 
-    fn build(self, _: &Table<'_>, _: &mut Reader<'_>) -> Option<Light> {
+    fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Light> {
+        table.sound(cx)?;
         Some(Light::Point(PointLight::at(
             self.position.0,
             self.intensity.0,
@@ -97,7 +98,8 @@ keys! {
 impl Build for DirectionalKeys {
     type Output = Light;
 
-    fn build(self, _: &Table<'_>, _: &mut Reader<'_>) -> Option<Light> {
+    fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Light> {
+        table.sound(cx)?;
         let light = DirectionalLight::along(self.direction.0, self.irradiance.0);
         Some(Light::Directional(light))
     }

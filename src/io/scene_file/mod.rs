@@ -21,6 +21,8 @@ mod scene;
 mod sensor;
 mod shape;
 mod spectrum;
+#[cfg(test)]
+mod tests;
 mod texture;
 mod transform;
 mod value;

@@ -297,7 +297,6 @@ impl Build for DetectorKeys {
             }
             Size { width, height }.checked(&at, cx)
         });
-        // what is wrong with the size says nothing against the camera
         let center = self.center.0;
         let transparent = self.transparent;
         let axes = DMat3::from_cols(u.normalize(), v.normalize(), u.cross(v).normalize());
