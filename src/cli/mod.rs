@@ -12,6 +12,7 @@ mod glass;
 mod image_output;
 mod info;
 mod interrupt;
+mod keys;
 mod merge;
 mod progress;
 mod render;
@@ -54,6 +55,7 @@ pub fn run() -> ExitCode {
         Command::Cost(options) => cost::run(&options),
         Command::Compare(options) => compare::run(&options),
         Command::Glass(options) => glass::run(&options),
+        Command::Keys(options) => Ok(keys::run(&options)),
         Command::Merge(options) => merge::run(&options),
         Command::Banding(options) => banding::run(&options),
         Command::Convert(options) => convert::run(&options),

@@ -4,7 +4,7 @@ use super::CliError;
 use super::summary::decided;
 use super::usage::peak_memory_bytes;
 use crate::io::atomic::write_atomic;
-use crate::io::identity::{VERSION, integrator_name};
+use crate::io::identity::VERSION;
 use crate::io::loaded::Loaded;
 use crate::render::bias::BiasEstimate;
 use crate::render::clock::cpu_seconds;
@@ -254,7 +254,7 @@ pub fn write(
     let value = json!({
         "version": VERSION,
         "scene_hash": format!("{:016x}", loaded.scene.hash),
-        "integrator": integrator_name(loaded.settings.integrator),
+        "integrator": loaded.settings.integrator.to_string(),
         "seed": loaded.settings.seed,
         "lanes": loaded.settings.lanes,
         "threads": threads,

@@ -14,7 +14,7 @@ pub fn shortest_scene(kind: ModelKind, file: &str) -> String {
 #[must_use]
 pub fn scene_text(model: &Model, kind: ModelKind, file: &str) -> String {
     let mut text = format!(
-        "# The model {}. Keys: scenes/README.md.\n{}\n{}",
+        "# The model {}. Keys: docs/scene-files.md.\n{}\n{}",
         quoted(file),
         header(kind),
         model_table(kind, file)

@@ -2,13 +2,11 @@
 //! together.
 
 use super::part::{PartHeader, PassRange};
-use super::scene_file::document::hash_bytes;
 use crate::film::Filter;
+use crate::math::hash::hash_bytes;
 use crate::render::{EpsilonChoice, RadiusChoice, Render};
 use crate::scene::description::WavelengthChoice;
-use crate::scene::settings::{
-    Heuristic, IntegratorKind, Merging, Regularization, Regularize, Sharing, SingleRule,
-};
+use crate::scene::settings::{Merging, Regularization};
 use crate::scene::{Scene, Settings, WavelengthSettings};
 use crate::spectrum::SensorResponse;
 use std::collections::BTreeMap;
@@ -18,53 +16,6 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Named values, in the order in which they are hashed.
 type Values = Vec<(&'static str, String)>;
-
-/// Name of an integrator.
-#[must_use]
-pub fn integrator_name(kind: IntegratorKind) -> &'static str {
-    match kind {
-        IntegratorKind::Path => "path",
-        IntegratorKind::Light => "light",
-        IntegratorKind::Bdpt => "bdpt",
-        IntegratorKind::Vcm => "vcm",
-        IntegratorKind::Bpm => "bpm",
-        IntegratorKind::Ppm => "ppm",
-    }
-}
-
-fn heuristic_name(heuristic: Heuristic) -> &'static str {
-    match heuristic {
-        Heuristic::Balance => "balance",
-        Heuristic::Power2 => "power2",
-    }
-}
-
-/// Name of a mode of regularization.
-#[must_use]
-pub fn regularize_name(mode: Regularize) -> &'static str {
-    match mode {
-        Regularize::Auto => "auto",
-        Regularize::Off => "off",
-        Regularize::Single => "single",
-        Regularize::Mis => "mis",
-    }
-}
-
-fn rule_name(rule: SingleRule) -> &'static str {
-    match rule {
-        SingleRule::ShortestEdge => "shortest edge",
-        SingleRule::Camera => "camera",
-        SingleRule::Light => "light",
-    }
-}
-
-fn sharing_name(sharing: Sharing) -> &'static str {
-    match sharing {
-        Sharing::Hero => "hero",
-        Sharing::Set => "set",
-        Sharing::Stratified => "stratified",
-    }
-}
 
 fn filter_name(filter: &Filter) -> String {
     match filter {
@@ -142,15 +93,9 @@ fn image_values(
         .max_depth
         .map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
     vec![
-        (
-            "integrator",
-            integrator_name(settings.integrator).to_owned(),
-        ),
-        ("heuristic", heuristic_name(settings.heuristic).to_owned()),
-        (
-            "regularize",
-            regularize_name(settings.regularization.mode).to_owned(),
-        ),
+        ("integrator", settings.integrator.to_string()),
+        ("heuristic", settings.heuristic.to_string()),
+        ("regularize", settings.regularization.mode.to_string()),
         ("lanes", settings.lanes.to_string()),
         ("maxDepth", max_depth),
         ("filter", filter_name(&scene.sensors[sensor].filter)),
@@ -188,7 +133,7 @@ fn merging_values(merging: &Merging, choice: &RadiusChoice) -> Values {
             "mergeRadiusSchedule",
             format!("{radius} (pass + 1)^({exponent:.6}) m"),
         ),
-        ("sharing", sharing_name(merging.sharing).to_owned()),
+        ("sharing", merging.sharing.to_string()),
     ]
 }
 
@@ -225,7 +170,7 @@ fn further_values(settings: &Settings) -> Values {
     let disabled: Vec<String> = disabled.iter().map(|(s, t)| format!("s{s}t{t}")).collect();
     vec![
         ("pairProbability", pair_probability.to_string()),
-        ("singleRule", rule_name(*single_rule).to_owned()),
+        ("singleRule", single_rule.to_string()),
         ("epsilon", or_auto(epsilon.map(|e| e.to_string()))),
         ("epsilonMin", epsilon_min.to_string()),
         ("biasWeight", bias_weight.to_string()),
@@ -235,7 +180,7 @@ fn further_values(settings: &Settings) -> Values {
         ),
         ("mergeRadius", or_auto(radius.map(|r| r.to_string()))),
         ("mergeAlpha", alpha.to_string()),
-        ("mergeSharing", sharing_name(*sharing).to_owned()),
+        ("mergeSharing", sharing.to_string()),
         ("showPointLights", show_point_lights.to_string()),
         ("disabled", disabled.join(" ")),
     ]

@@ -2,9 +2,9 @@
 
 use super::scene_file::{self, OutputUnits, SceneFileErrors};
 use crate::scene::frozen::Frozen;
-use crate::scene::{BuildError, Scene, Settings};
+use crate::scene::{Scene, Settings};
 use crate::spectrum::SensorResponse;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Why a scene file gives no scene, or not the sensor asked for.
@@ -13,14 +13,6 @@ pub enum LoadError {
     /// A scene file with problems, one line each.
     #[error("{0}")]
     SceneFile(#[from] SceneFileErrors),
-    /// A scene file whose parts are valid but make no scene.
-    #[error("{}: {source}", path.display())]
-    Build {
-        /// The scene file.
-        path: PathBuf,
-        /// The problem.
-        source: BuildError,
-    },
     /// A sensor that the scene does not have.
     #[error("unknown sensor \"{name}\" (the scene has: {there})")]
     Sensor {
@@ -73,10 +65,8 @@ pub fn load_frozen(
     if let Some(frozen) = frozen {
         file.description.freeze(frozen);
     }
-    let scene = Scene::build(file.description).map_err(|source| LoadError::Build {
-        path: path.to_owned(),
-        source,
-    })?;
+    let scene =
+        Scene::build(file.description).map_err(|error| file.places.build_error(path, &error))?;
     Ok(Loaded {
         scene: Arc::new(scene),
         settings: file.settings,

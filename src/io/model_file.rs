@@ -46,12 +46,25 @@ impl ModelKind {
 /// # Errors
 /// What is wrong, in words, without the file's name.
 pub fn load(path: &Path, kind: ModelKind, staging: &Staging) -> Result<Model, String> {
+    read(&read_file(path)?, path, kind, staging)
+}
+
+/// Reads a model from the bytes of its file.
+///
+/// # Errors
+/// As [`load`].
+pub fn read(
+    bytes: &[u8],
+    path: &Path,
+    kind: ModelKind,
+    staging: &Staging,
+) -> Result<Model, String> {
     let to_world = staging.to_world;
     let folder = folder(path);
     match kind {
-        ModelKind::Gltf => read_gltf(&read_file(path)?, folder, staging),
-        ModelKind::Obj => mtl::load(path, to_world),
-        ModelKind::Ply => ply::load(path).map(|mesh| mtl::plain(mesh, path, to_world)),
+        ModelKind::Gltf => read_gltf(bytes, folder, staging),
+        ModelKind::Obj => mtl::read(bytes, folder, to_world),
+        ModelKind::Ply => ply::read(bytes).map(|mesh| mtl::plain(mesh, path, to_world)),
     }
     .map(|mut model| {
         let emits = model.objects.iter().any(|o| o.emission.is_some());

@@ -12,9 +12,9 @@
 //! | `Ke` | emission, as `emission = [r, g, b]` of a scene file |
 //! | `norm` | normal map |
 
+use super::files;
 use super::image_file::{self, MAX_IMAGE_BYTES};
-use super::model::{Model, read_file};
-use super::scene_file::files;
+use super::model::Model;
 use crate::bsdf::coated::Coat;
 use crate::geometry::{Mesh, MeshError, Shape, Transform};
 use crate::material::{Coverage, LobeSpec, Material, MaterialId, NormalMap};
@@ -34,19 +34,10 @@ const MAX_MTL_BYTES: u64 = 16 << 20;
 /// Keys that are understood beside those that tobj reads.
 const UNDERSTOOD: [&str; 4] = ["Pr", "Pm", "Tr", "norm"];
 
-/// Reads an OBJ file with its materials.
-///
-/// # Errors
-/// What is wrong, in words, without the file's name.
-pub fn load(path: &Path, to_world: DAffine3) -> Result<Model, String> {
-    let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
-    parse(&read_file(path)?, &folder, to_world)
-}
-
 /// Reads any bytes as an OBJ file without others beside it: must not panic.
 pub fn fuzz_model(bytes: &[u8]) {
     // the outcome does not matter
-    _ = parse(bytes, Path::new("/nonexistent"), DAffine3::IDENTITY);
+    _ = read(bytes, Path::new("/nonexistent"), DAffine3::IDENTITY);
 }
 
 /// Materials, and their indices by name.
@@ -123,7 +114,11 @@ struct Arrays {
     names: Vec<String>,
 }
 
-fn parse(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, String> {
+/// Reads an OBJ file with its materials, which are in `folder`.
+///
+/// # Errors
+/// What is wrong, in words, without the file's name.
+pub fn read(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, String> {
     let options = tobj::LoadOptions {
         triangulate: true,
         single_index: true,
@@ -137,7 +132,7 @@ fn parse(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, Strin
         let text = name.to_string_lossy().replace('\\', "/");
         let read = files::read(folder, &text, MAX_MTL_BYTES).map_err(|e| e.to_string());
         let read = read.and_then(|bytes| {
-            let own = super::scene_file::document::hash_bytes(&bytes);
+            let own = crate::math::hash::hash_bytes(&bytes);
             hash.set(combine(hash.get(), own));
             read_mtl(&bytes).map_err(|message| format!("file \"{text}\": {message}"))
         });
@@ -295,7 +290,7 @@ impl Reader<'_> {
             let read = files::read(self.folder, &name, MAX_IMAGE_BYTES)
                 .map_err(|problem| problem.to_string())
                 .and_then(|bytes| {
-                    let hash = super::scene_file::document::hash_bytes(&bytes);
+                    let hash = crate::math::hash::hash_bytes(&bytes);
                     self.model.hash = combine(self.model.hash, hash);
                     image_file::decode(&bytes, srgb).map_err(|e| format!("file \"{name}\": {e}"))
                 });
@@ -485,7 +480,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("folder");
         let mtl = "newmtl red\nKd 1 0 0\nd 0.25\nTs 3\nnewmtl lamp\nKe 2 2 2\n";
         std::fs::write(folder.path().join("m.mtl"), mtl).expect("file");
-        let model = parse(OBJ.as_bytes(), folder.path(), DAffine3::IDENTITY).expect("valid");
+        let model = read(OBJ.as_bytes(), folder.path(), DAffine3::IDENTITY).expect("valid");
         assert_eq!(model.objects.len(), 2);
         let covered = |i: usize| model.materials[i].coverage.is_some();
         let red = model
@@ -501,25 +496,25 @@ mod tests {
     #[test]
     fn missing_and_forbidden_files_are_noted() {
         let folder = tempfile::tempdir().expect("folder");
-        let model = parse(OBJ.as_bytes(), folder.path(), DAffine3::IDENTITY).expect("valid");
+        let model = read(OBJ.as_bytes(), folder.path(), DAffine3::IDENTITY).expect("valid");
         assert!(
             model.notes[0].contains("file \"m.mtl\" not found"),
             "{:?}",
             model.notes
         );
         let escape = OBJ.replace("m.mtl", "../m.mtl");
-        let model = parse(escape.as_bytes(), folder.path(), DAffine3::IDENTITY).expect("valid");
+        let model = read(escape.as_bytes(), folder.path(), DAffine3::IDENTITY).expect("valid");
         assert!(
             model.notes[0].contains("outside the scene's folder"),
             "{:?}",
             model.notes
         );
         std::fs::write(folder.path().join("m.mtl"), "newmtl red\nKd 1 0\n").expect("file");
-        let model = parse(OBJ.as_bytes(), folder.path(), DAffine3::IDENTITY).expect("valid");
+        let model = read(OBJ.as_bytes(), folder.path(), DAffine3::IDENTITY).expect("valid");
         let note = "materials are not read: file \"m.mtl\": line 2: a color needs three numbers";
         assert_eq!(model.notes, [note]);
         assert_eq!(
-            parse(b"v 0 0 0\n", folder.path(), DAffine3::IDENTITY)
+            read(b"v 0 0 0\n", folder.path(), DAffine3::IDENTITY)
                 .err()
                 .as_deref(),
             Some("no faces")

@@ -1,117 +1,60 @@
 //! Wavefront OBJ files, read with tobj.
 //!
 //! All objects and groups of a file are one mesh. Polygons become triangle fans; points, lines and materials are ignored. Missing normals stay missing (flat shading). Whatever the bytes,
-//! the result is valid meshes or an error that names the file.
+//! the result is valid meshes or an error.
 
 use crate::geometry::deforming::{self, DeformingError, KeyFrame};
 use crate::geometry::{Mesh, MeshError, Shape, Shutter};
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
-
-/// Largest file read, in bytes (some 40 million triangles).
-const MAX_BYTES: u64 = 2 << 30;
 
 /// Faces handed to tobj at a time: it keeps a hundred bytes for each until their group ends.
 const GROUP_FACES: usize = 1 << 15;
 
-/// Why an OBJ file was not read. Every message starts with the file.
+/// Why an OBJ file was not read, without its name.
 #[derive(Debug, thiserror::Error)]
 pub enum ObjError {
-    /// The file cannot be opened or is not a file.
-    #[error("{}: {source}", path.display())]
-    Open {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The file is larger than is read.
-    #[error("{}: {bytes} bytes (at most {MAX_BYTES} are read)", path.display())]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Its size.
-        bytes: u64,
-    },
     /// A line is not OBJ.
-    #[error("{}: not a valid OBJ file: {source}", path.display())]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// What tobj said.
-        source: tobj::LoadError,
-    },
+    #[error("not a valid OBJ file: {0}")]
+    Syntax(tobj::LoadError),
     /// The triangles are no valid mesh.
-    #[error("{}: {source}", path.display())]
-    Mesh {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: MeshError,
-    },
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
     /// No object has a face.
-    #[error("{}: no faces", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("no faces")]
+    Empty,
 }
 
-/// Reads a file; [`Mesh::dropped`] tells how many of its triangles had no area.
+/// Reads the bytes of a file; [`Mesh::dropped`] tells how many of its triangles had no area.
 ///
 /// # Errors
-/// [`ObjError`] if the file cannot be read, is too large, is malformed, or has no face of nonzero area.
-pub fn load(path: impl AsRef<Path>) -> Result<Mesh, ObjError> {
-    let path = path.as_ref();
-    load_arrays(path)?.mesh(path)
-}
-
-/// Reads the vertices and faces of a file.
-///
-/// # Errors
-/// [`ObjError`] if the file cannot be read, is too large, is malformed, or has no face.
-pub fn load_arrays(path: &Path) -> Result<Arrays, ObjError> {
-    let open = |source| ObjError::Open {
-        path: path.to_owned(),
-        source,
-    };
-    let file = File::open(path).map_err(open)?;
-    let bytes = file.metadata().map_err(open)?.len();
-    if bytes > MAX_BYTES {
-        return Err(ObjError::TooLarge {
-            path: path.to_owned(),
-            bytes,
-        });
-    }
-    parse(&mut BufReader::new(file), path)
+/// [`ObjError`] if they are malformed or have no face of nonzero area.
+pub fn read(bytes: &[u8]) -> Result<Mesh, ObjError> {
+    read_arrays(bytes)?.mesh()
 }
 
 /// Parses arbitrary bytes and drops the result: the entry point for fuzzing. Never panics.
 pub fn fuzz_obj(bytes: &[u8]) {
-    let mut reader = bytes;
-    let path = Path::new("fuzz.obj");
-    drop(parse(&mut reader, path).and_then(|arrays| arrays.mesh(path)));
+    drop(read(bytes));
 }
 
-/// Reads OBJ text; `path` is for messages.
-fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Arrays, ObjError> {
+/// Reads the vertices and faces of the bytes of a file.
+///
+/// # Errors
+/// [`ObjError`] if they are malformed or have no face.
+pub fn read_arrays(mut bytes: &[u8]) -> Result<Arrays, ObjError> {
     let options = tobj::LoadOptions {
         triangulate: true,
         single_index: true,
         ignore_points: true,
         ignore_lines: true,
     };
-    let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
+    let no_materials = |_: &std::path::Path| Err(tobj::LoadError::OpenFileFailed);
     let (models, _) = tobj::load_obj_buf(
-        &mut BufReader::new(Grouped::new(reader)),
+        &mut BufReader::new(Grouped::new(&mut bytes)),
         &options,
         no_materials,
     )
-    .map_err(|source| ObjError::Syntax {
-        path: path.to_owned(),
-        source,
-    })?;
+    .map_err(ObjError::Syntax)?;
     let mut all = Arrays {
         normals: Some(Vec::new()),
         uvs: Some(Vec::new()),
@@ -126,9 +69,7 @@ fn parse(reader: &mut impl BufRead, path: &Path) -> Result<Arrays, ObjError> {
         all.append(&model.mesh);
     }
     if all.triangles.is_empty() {
-        return Err(ObjError::Empty {
-            path: path.to_owned(),
-        });
+        return Err(ObjError::Empty);
     }
     Ok(all)
 }
@@ -257,14 +198,10 @@ pub struct Arrays {
 }
 
 impl Arrays {
-    /// The mesh of these; `path` is for messages.
-    fn mesh(self, path: &Path) -> Result<Mesh, ObjError> {
-        Mesh::new(&self.positions, self.normals, self.uvs, self.triangles).map_err(|source| {
-            ObjError::Mesh {
-                path: path.to_owned(),
-                source,
-            }
-        })
+    /// The mesh of these.
+    fn mesh(self) -> Result<Mesh, ObjError> {
+        let mesh = Mesh::new(&self.positions, self.normals, self.uvs, self.triangles)?;
+        Ok(mesh)
     }
 
     /// Gives every corner of every triangle a vertex of its own.
@@ -321,8 +258,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<Mesh, ObjError> {
-        let path = Path::new("some.obj");
-        parse(&mut text.as_bytes(), path)?.mesh(path)
+        super::read(text.as_bytes())
     }
 
     const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
@@ -368,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_files_are_errors_that_name_the_file() {
+    fn bad_files_are_errors() {
         for bad in [
             "",
             "f 1 2 3\n",
@@ -380,14 +316,8 @@ mod tests {
             "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n",
             "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 99999999999999999999\n",
         ] {
-            let message = read(bad).expect_err(bad).to_string();
-            assert!(message.starts_with("some.obj: "), "{bad}: {message}");
+            assert!(read(bad).is_err(), "{bad}");
         }
-        let message = load("/nonexistent/a.obj")
-            .expect_err("no such file")
-            .to_string();
-        assert!(message.contains("a.obj"), "{message}");
-        assert!(load(std::env::temp_dir()).is_err());
     }
 
     #[test]
@@ -406,8 +336,7 @@ mod tests {
     }
 
     fn arrays(text: &str) -> Arrays {
-        let path = Path::new("some.obj");
-        parse(&mut text.as_bytes(), path).expect("valid")
+        read_arrays(text.as_bytes()).expect("valid")
     }
 
     #[test]

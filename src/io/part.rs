@@ -5,8 +5,8 @@
 
 use super::atomic::{FileError, write_atomic};
 use super::identity;
-use super::scene_file::document::hash_bytes;
 use crate::film::Crop;
+use crate::math::hash::hash_bytes;
 use crate::render::{Render, Session};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -4,9 +4,7 @@
 //! passed over. Polygons become triangle fans. Counts are checked against the bytes there are before anything is
 //! allocated.
 
-use super::model::read_file;
 use crate::geometry::Mesh;
-use std::path::Path;
 
 /// Most properties of an element.
 const MAX_PROPERTIES: usize = 256;
@@ -130,21 +128,17 @@ impl Body<'_> {
     }
 }
 
-/// Reads a file.
-///
-/// # Errors
-/// What is wrong, in words, without the file's name.
-pub fn load(path: &Path) -> Result<Mesh, String> {
-    parse(&read_file(path)?)
-}
-
 /// Parses any bytes: must not panic.
 pub fn fuzz_ply(bytes: &[u8]) {
     // the outcome does not matter
-    _ = parse(bytes);
+    _ = read(bytes);
 }
 
-fn parse(bytes: &[u8]) -> Result<Mesh, String> {
+/// Reads the bytes of a file.
+///
+/// # Errors
+/// What is wrong, in words.
+pub fn read(bytes: &[u8]) -> Result<Mesh, String> {
     let (format, elements, body) = header(bytes)?;
     let mut body = Body { format, rest: body };
     let (mut positions, mut normals, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
@@ -388,7 +382,7 @@ mod tests {
             "ply\nformat ascii 1.0\ncomment a square\n{HEADER}0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3"
         );
         for bytes in [ascii.into_bytes(), binary(false), binary(true)] {
-            let mesh = parse(&bytes).expect("valid");
+            let mesh = read(&bytes).expect("valid");
             assert_eq!(mesh.triangle_count(), 2);
             assert!((mesh.area() - 1.0).abs() < 1e-12);
         }
@@ -435,7 +429,7 @@ mod tests {
             ),
         ] {
             assert_eq!(
-                parse(file.as_bytes()).err().as_deref(),
+                read(file.as_bytes()).err().as_deref(),
                 Some(message),
                 "{file}"
             );

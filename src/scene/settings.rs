@@ -1,22 +1,24 @@
 //! How a scene is rendered: what the `[render]` table and the command line set.
 
+use crate::math::named::named;
 use std::collections::BTreeSet;
 
-/// The algorithm.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum IntegratorKind {
-    /// Paths from the camera, with direct connections to lights.
-    Path,
-    /// Paths from the lights, connected to the sensor.
-    Light,
-    /// Both, with every connection, weighted together.
-    Bdpt,
-    /// Both, with every connection and photon merging at every non-specular vertex (Georgiev et al. 2012).
-    Vcm,
-    /// Photon merging alone, at every non-specular vertex; paths without one as they are hit.
-    Bpm,
-    /// Photon merging at the first non-specular vertex from the camera (Hachisuka et al. 2008); paths without one as they are hit.
-    Ppm,
+named! {
+    /// The algorithm.
+    pub enum IntegratorKind {
+        /// Paths from the camera, with direct connections to lights.
+        Path = "path": "Paths from the camera",
+        /// Paths from the lights, connected to the sensor.
+        Light = "light": "Paths from the lights",
+        /// Both, with every connection, weighted together.
+        Bdpt = "bdpt": "Both, weighted together",
+        /// Both, with every connection and photon merging at every non-specular vertex (Georgiev et al. 2012).
+        Vcm = "vcm": "Both, and photon merging, weighted together",
+        /// Photon merging alone, at every non-specular vertex; paths without one as they are hit.
+        Bpm = "bpm": "Photon merging at every vertex that scatters diffusely or glossily",
+        /// Photon merging at the first non-specular vertex from the camera (Hachisuka et al. 2008); paths without one as they are hit.
+        Ppm = "ppm": "Photon merging at the first such vertex from the camera",
+    }
 }
 
 impl IntegratorKind {
@@ -39,15 +41,16 @@ impl IntegratorKind {
     }
 }
 
-/// What the paths of a pass share where they are merged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sharing {
-    /// One set of wavelengths and one time, drawn anew for each pass; one of the set is everybody's hero.
-    Hero,
-    /// One set and one time, but its wavelengths take turns as heroes over the pixels. Only paths of one hero are merged.
-    Set,
-    /// As [`Sharing::Hero`], but sets and times of successive passes keep apart (golden-ratio sequence).
-    Stratified,
+named! {
+    /// What the paths of a pass share where they are merged.
+    pub enum Sharing {
+        /// One set of wavelengths and one time, drawn anew for each pass; one of the set is everybody's hero.
+        Hero = "hero": "One wavelength set and time, one of the set as everybody's hero",
+        /// One set and one time, but its wavelengths take turns as heroes over the pixels. Only paths of one hero are merged.
+        Set = "set": "One set and time; the set's wavelengths take turns as heroes over the pixels",
+        /// As [`Sharing::Hero`], but sets and times of successive passes keep apart (golden-ratio sequence).
+        Stratified = "stratified": "As hero, with sets and times of successive passes kept apart",
+    }
 }
 
 /// Photon merging.
@@ -71,13 +74,14 @@ impl Default for Merging {
     }
 }
 
-/// How strategies are weighted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Heuristic {
-    /// In proportion to their densities (Veach and Guibas 1995).
-    Balance,
-    /// In proportion to the squares.
-    Power2,
+named! {
+    /// How strategies are weighted.
+    pub enum Heuristic {
+        /// In proportion to their densities (Veach and Guibas 1995).
+        Balance = "balance": "In proportion to the densities",
+        /// In proportion to the squares.
+        Power2 = "power2": "In proportion to their squares",
+    }
 }
 
 impl Heuristic {
@@ -91,31 +95,56 @@ impl Heuristic {
     }
 }
 
-/// Whether and how specular vertices are connectible.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Regularize {
-    /// As [`Regularize::Mis`] for image cameras in scenes with specular surfaces, as [`Regularize::Off`] otherwise and where photons
-    /// are merged.
-    Auto,
-    /// Never: unbiased, and blind to paths that only connections at specular vertices make.
-    Off,
-    /// Only for paths that no unbiased strategy makes, by the one strategy that the rule chooses (after Kaplanyan and Dachsbacher
-    /// 2013).
-    Single,
-    /// By every strategy, weighted with all others (Bouchard et al. 2013).
-    Mis,
+named! {
+    /// Whether and how specular vertices are connectible.
+    pub enum Regularize {
+        /// As [`Regularize::Mis`] for image cameras in scenes with specular surfaces, as [`Regularize::Off`] otherwise and where photons
+        /// are merged.
+        Auto = "auto": "As mis for image cameras in scenes with mirrors or smooth glass, else off",
+        /// Never: unbiased, and blind to paths that only connections at specular vertices make.
+        Off = "off": "Never",
+        /// Only for paths that no unbiased strategy makes, by the one strategy that the rule chooses (after Kaplanyan and Dachsbacher
+        /// 2013).
+        Single = "single": "Only for paths that nothing else makes, by one strategy",
+        /// By every strategy, weighted with all others (Bouchard et al. 2013).
+        Mis = "mis": "By every strategy, weighted with all others",
+    }
 }
 
-/// Which of a path's regularized strategies makes it under [`Regularize::Single`]: among those with the fewest regularized vertices,
-/// the one ...
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SingleRule {
-    /// ... whose connecting edge is shortest: it blurs least.
-    ShortestEdge,
-    /// ... that joins nearest to the camera.
-    Camera,
-    /// ... that joins nearest to the light.
-    Light,
+named! {
+    /// Which of a path's regularized strategies makes it under [`Regularize::Single`]: among those with the fewest regularized vertices,
+    /// the one ...
+    pub enum SingleRule {
+        /// ... whose connecting edge is shortest: it blurs least.
+        ShortestEdge = "shortest-edge": "The strategy whose connecting edge is shortest",
+        /// ... that joins nearest to the camera.
+        Camera = "camera": "The strategy that joins nearest to the camera",
+        /// ... that joins nearest to the light.
+        Light = "light": "The strategy that joins nearest to the light",
+    }
+}
+
+named! {
+    /// The kinds of reconstruction filters. None has negative parts, for splats are weighted by
+    /// them.
+    pub enum FilterKind {
+        /// The pixel itself.
+        Box = "box": "The pixel itself",
+        /// A product of triangles.
+        Tent = "tent": "A product of triangles",
+        /// A Gaussian that is cut off.
+        Gaussian = "gaussian": "A Gaussian",
+    }
+}
+
+named! {
+    /// Scale of the values of an image.
+    pub enum OutputUnits {
+        /// Unit equal-energy radiance gives Y = 1.
+        Radiance = "radiance": "Unit equal-energy radiance gives Y = 1",
+        /// Y in cd/m² (683 lm/W).
+        Photometric = "photometric": "Y in cd/m²",
+    }
 }
 
 /// Directional regularization.

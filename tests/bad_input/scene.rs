@@ -1,6 +1,6 @@
 //! `cases/NAME.toml` must give exactly the messages of `cases/NAME.txt` (one per line). `UPDATE_GOLDEN=1` writes the latter.
 
-use abbe::io::scene_file::check_str;
+use abbe::io::scene_file::read_str;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ fn every_bad_scene_gets_exactly_its_messages() {
     for path in &files {
         let text = fs::read_to_string(path).expect("case");
         let name = path.file_name().expect("file").to_string_lossy();
-        let found = match check_str(&text, &name, path.parent().expect("folder"), &[]) {
+        let found = match read_str(&text, &name, path.parent().expect("folder"), &[]) {
             Ok(_) => "no error".to_owned(),
             Err(errors) => errors.to_string(),
         };
@@ -50,7 +50,7 @@ fn overrides_say_which_one_is_wrong() {
             ("render.spp".to_owned(), "8".to_owned()),
             (key.to_owned(), value.to_owned()),
         ];
-        check_str(scene, "valid.toml", Path::new("."), &overrides)
+        read_str(scene, "valid.toml", Path::new("."), &overrides)
             .map(|_| ())
             .map_err(|e| e.to_string())
     };
@@ -130,8 +130,9 @@ fn a_scene_file_above_the_limit_is_not_read() {
 #[test]
 fn hash_ignores_layout_and_render_but_no_value() {
     let hash = |text: &str| {
-        check_str(text, "s", Path::new("."), &[])
+        read_str(text, "s", Path::new("."), &[])
             .expect("valid")
+            .description
             .hash
     };
     let scene = include_str!("valid.toml");

@@ -55,6 +55,8 @@ pub enum Command {
     Compare(CompareOptions),
     /// Shows the refractive index of a glass
     Glass(GlassOptions),
+    /// Prints the reference of all keys of scene files
+    Keys(KeysOptions),
     /// Adds up part files of disjoint passes
     Merge(MergeOptions),
     /// Shows what sharing wavelengths and times in a pass does: photon merging beside bidirectional path tracing
@@ -73,6 +75,14 @@ pub struct GlassOptions {
     #[arg(long, conflicts_with = "name")]
     pub list: bool,
     /// Prints JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `abbe keys`.
+#[derive(Debug, Args)]
+pub struct KeysOptions {
+    /// Prints a JSON Schema for editors instead of tables
     #[arg(long)]
     pub json: bool,
 }

@@ -1,10 +1,11 @@
 //! The options of `abbe render`, `info` and `convert`.
 
 use super::overrides::{Moment, Overrides};
-use super::values::{self, FilterName, HeuristicName, IntegratorName, RegularizeName, SharingName};
+use super::values;
 use crate::film::Crop;
 use crate::io::layers::Layer;
-use clap::{Args, ValueEnum};
+use crate::scene::settings::{FilterKind, Heuristic, IntegratorKind, Regularize, Sharing};
+use clap::Args;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -19,7 +20,7 @@ pub struct RenderOptions {
     pub output: Option<PathBuf>,
     /// The algorithm
     #[arg(long, value_enum, value_name = "NAME")]
-    pub integrator: Option<IntegratorName>,
+    pub integrator: Option<IntegratorKind>,
     /// Passes, one sample per pixel each
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "passes")]
     pub spp: Option<u32>,
@@ -43,22 +44,22 @@ pub struct RenderOptions {
     pub lanes: Option<String>,
     /// Weighting of strategies
     #[arg(long, value_enum, value_name = "NAME")]
-    pub heuristic: Option<HeuristicName>,
+    pub heuristic: Option<Heuristic>,
     /// Whether mirrors and smooth glass are connectible within a small cone
     #[arg(long, value_enum, value_name = "MODE")]
-    pub regularize: Option<RegularizeName>,
+    pub regularize: Option<Regularize>,
     /// Half-aperture of that cone in the first pass in radians, or auto
     #[arg(long, value_name = "RAD", value_parser = values::epsilon)]
     pub epsilon: Option<String>,
     /// What the paths of a pass share where photons are merged
     #[arg(long, value_enum, value_name = "NAME")]
-    pub sharing: Option<SharingName>,
+    pub sharing: Option<Sharing>,
     /// Scattering vertices of the whole path, at most
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16))]
     pub max_depth: Option<u16>,
     /// Reconstruction filter
     #[arg(long, value_enum, value_name = "NAME")]
-    pub filter: Option<FilterName>,
+    pub filter: Option<FilterKind>,
     /// Wavelengths to draw: scene, uniform, visible, a range A..B, or a list of lines such as 486.1,587.6 (nm)
     #[arg(long, value_name = "SPEC", value_parser = values::wavelengths)]
     pub wavelengths: Option<String>,
@@ -105,34 +106,17 @@ impl RenderOptions {
     /// The overrides of the scene file: the options that have a key in it, then those of `--set`.
     #[must_use]
     pub fn scene_overrides(&self) -> Vec<(String, String)> {
-        let named =
-            |value: Option<clap::builder::PossibleValue>| value.map(|v| v.get_name().to_owned());
         let options = [
-            (
-                "integrator",
-                named(self.integrator.and_then(|v| v.to_possible_value())),
-            ),
+            ("integrator", self.integrator.map(|v| v.to_string())),
             ("spp", self.spp.map(|v| v.to_string())),
             ("seed", self.seed.map(|v| v.to_string())),
             ("lanes", self.lanes.clone()),
-            (
-                "heuristic",
-                named(self.heuristic.and_then(|v| v.to_possible_value())),
-            ),
-            (
-                "regularize",
-                named(self.regularize.and_then(|v| v.to_possible_value())),
-            ),
+            ("heuristic", self.heuristic.map(|v| v.to_string())),
+            ("regularize", self.regularize.map(|v| v.to_string())),
             ("epsilon", self.epsilon.clone()),
-            (
-                "sharing",
-                named(self.sharing.and_then(|v| v.to_possible_value())),
-            ),
+            ("sharing", self.sharing.map(|v| v.to_string())),
             ("max_depth", self.max_depth.map(|v| v.to_string())),
-            (
-                "filter",
-                named(self.filter.and_then(|v| v.to_possible_value())),
-            ),
+            ("filter", self.filter.map(|v| v.to_string())),
             ("wavelengths", self.wavelengths.clone()),
         ];
         let options = options

@@ -3,70 +3,28 @@
 use crate::film::Crop;
 use crate::io::layers::Layer;
 use crate::math::banding::Axis;
+use crate::math::named::Named;
+use crate::scene::settings::{FilterKind, Heuristic, IntegratorKind, Regularize, Sharing};
 use clap::ValueEnum;
+use clap::builder::PossibleValue;
 use regex::Regex;
 use std::ops::Range;
 
-/// Names of integrators.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum IntegratorName {
-    /// Paths from the camera
-    Path,
-    /// Paths from the lights
-    Light,
-    /// Both, weighted together
-    Bdpt,
-    /// Both, and photon merging, weighted together
-    Vcm,
-    /// Photon merging at every vertex that scatters diffusely or glossily
-    Bpm,
-    /// Photon merging at the first such vertex from the camera
-    Ppm,
-}
+/// Makes choices with names values of options, by the same names.
+macro_rules! value_enum {
+    ($($type:ty),+) => {
+        $(impl ValueEnum for $type {
+            fn value_variants<'a>() -> &'a [Self] {
+                Self::ALL
+            }
 
-/// Names of weightings.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum HeuristicName {
-    /// In proportion to the densities
-    Balance,
-    /// In proportion to their squares
-    Power2,
+            fn to_possible_value(&self) -> Option<PossibleValue> {
+                Some(PossibleValue::new(self.as_str()).help(self.help()))
+            }
+        })+
+    };
 }
-
-/// Names of the modes of regularization.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum RegularizeName {
-    /// As mis for image cameras in scenes with mirrors or smooth glass, else off
-    Auto,
-    /// Never
-    Off,
-    /// Only for paths that nothing else makes, by one strategy
-    Single,
-    /// By every strategy, weighted with all others
-    Mis,
-}
-
-/// What the paths of a pass share where photons are merged.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum SharingName {
-    /// One wavelength set and time, one of the set as everybody's hero
-    Hero,
-    /// One set and time; the set's wavelengths take turns as heroes over the pixels
-    Set,
-    /// As hero, with sets and times of successive passes kept apart
-    Stratified,
-}
-
-/// Names of filters.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum FilterName {
-    /// The pixel itself
-    Box,
-    /// A product of triangles
-    Tent,
-    /// A Gaussian
-    Gaussian,
-}
+value_enum!(IntegratorKind, Heuristic, Regularize, Sharing, FilterKind);
 
 pub(super) fn key_value(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {

@@ -1,24 +1,61 @@
-//! The scene file as a TOML document: places, overrides from the command line, and reading all of it even where parts are
-//! wrong, so that every problem is reported at once.
+//! The scene file as a TOML document: places, overrides from the command line, and its hash.
 
-use super::error::{Place, Problem, SceneFileError};
-use crate::math::hash::combine;
-use serde::de::DeserializeOwned;
+use super::error::{Place, Problem, SceneFileError, SceneFileErrors};
+use super::reader::MAX_ERRORS;
+use crate::math::hash::{combine, hash_bytes};
 use std::ops::Range;
 use toml::Spanned;
-use toml::de::{DeArray, DeTable, DeValue, ValueDeserializer};
+use toml::de::{DeTable, DeValue};
 
-/// More errors than this are noise.
-const MAX_ERRORS: usize = 50;
+/// A value with its place.
+pub type Node<'d> = &'d Spanned<DeValue<'d>>;
 
-/// A replaced value. Its text is set behind the file's and the earlier overrides', so that a span says which it is.
+/// A replaced value. Its text counts as set behind the file's and the earlier overrides', so that a
+/// span says which it is.
 #[derive(Clone, Debug)]
 struct Override {
     key: String,
+    value: String,
+    /// Where its text begins.
+    start: usize,
+}
+
+impl Override {
     /// As typed: `KEY=VALUE`.
-    typed: String,
-    /// `v = VALUE` after as many blanks as there is text before it.
-    padded: String,
+    fn typed(&self) -> String {
+        format!("{}={}", self.key, self.value)
+    }
+
+    /// The value: as TOML where it is, else as a string (`--set render.integrator=path`).
+    fn parse(&self) -> Spanned<DeValue<'_>> {
+        match DeValue::parse(&self.value) {
+            Ok(value) if !self.value.contains('\n') => moved(value, self.start),
+            _ => {
+                let text = DeValue::String(self.value.as_str().into());
+                Spanned::new(self.start..self.start + self.value.len(), text)
+            }
+        }
+    }
+}
+
+/// The same value at a place `by` further behind.
+fn moved(value: Spanned<DeValue<'_>>, by: usize) -> Spanned<DeValue<'_>> {
+    let shift = |span: Range<usize>| span.start + by..span.end + by;
+    let span = shift(value.span());
+    let value = match value.into_inner() {
+        DeValue::Array(items) => {
+            DeValue::Array(items.into_iter().map(|item| moved(item, by)).collect())
+        }
+        DeValue::Table(table) => {
+            let entries = table.into_iter().map(|(key, value)| {
+                let at = shift(key.span());
+                (Spanned::new(at, key.into_inner()), moved(value, by))
+            });
+            DeValue::Table(entries.collect())
+        }
+        other => other,
+    };
+    Spanned::new(span, value)
 }
 
 /// The text that spans point into.
@@ -26,6 +63,8 @@ struct Override {
 pub struct Source {
     name: String,
     text: String,
+    /// Where lines begin.
+    lines: Vec<usize>,
     overrides: Vec<Override>,
 }
 
@@ -33,23 +72,23 @@ impl Source {
     /// A file's text with overrides (key, value).
     #[must_use]
     pub fn new(name: &str, text: &str, overrides: &[(String, String)]) -> Self {
-        let mut start = text.len();
-        let overrides = overrides
-            .iter()
-            .map(|(key, value)| {
-                let padded = format!("{}\nv = {}", " ".repeat(start), value_as_toml(value));
-                start = padded.len();
-                Override {
-                    key: key.clone(),
-                    typed: format!("{key}={value}"),
-                    padded,
-                }
-            })
-            .collect();
+        // one more than the text, whose end is a place too
+        let mut start = text.len() + 1;
+        let overrides = overrides.iter().map(|(key, value)| {
+            let at = start;
+            start += value.len() + 1;
+            Override {
+                key: key.clone(),
+                value: value.clone(),
+                start: at,
+            }
+        });
+        let breaks = text.match_indices('\n').map(|(i, _)| i + 1);
         Self {
             name: name.to_owned(),
             text: text.to_owned(),
-            overrides,
+            lines: std::iter::once(0).chain(breaks).collect(),
+            overrides: overrides.collect(),
         }
     }
 
@@ -63,75 +102,54 @@ impl Source {
         }
     }
 
-    fn place(&self, offset: usize) -> Place {
+    /// The place of a byte.
+    #[must_use]
+    pub fn place(&self, offset: usize) -> Place {
         if offset > self.text.len()
-            && let Some(o) = self.overrides.iter().find(|o| offset <= o.padded.len())
+            && let Some(o) = self.overrides.iter().rfind(|o| o.start <= offset)
         {
-            return Place::Override(o.typed.clone());
+            return Place::Override(o.typed());
         }
-        let before = self.text.get(..offset).unwrap_or(&self.text);
-        let line_start = before.rfind('\n').map_or(0, |i| i + 1);
+        let line = self.lines.partition_point(|&start| start <= offset);
+        let start = self.lines[line - 1];
+        let before = self.text.get(start..offset).unwrap_or_default();
         Place::At {
-            line: before.matches('\n').count() + 1,
-            column: before[line_start..].chars().count() + 1,
+            line,
+            column: before.chars().count() + 1,
         }
-    }
-}
-
-/// A command-line value as TOML: as it stands where that is a TOML value, else as a string (`--set render.integrator=path`).
-fn value_as_toml(value: &str) -> String {
-    if !value.contains('\n') && DeValue::parse(value).is_ok() {
-        value.to_owned()
-    } else {
-        format!("{value:?}")
     }
 }
 
 /// Parses the file. Syntax errors are all collected; nothing further is read where there are any.
-pub fn parse(source: &Source) -> Result<DeTable<'_>, Vec<SceneFileError>> {
+pub fn parse(source: &Source) -> Result<DeTable<'_>, SceneFileErrors> {
     let (document, errors) = DeTable::parse_recoverable(&source.text);
-    if errors.is_empty() {
-        return Ok(document.into_inner());
-    }
     let place = |e: &toml::de::Error| {
         source.error(
             &e.span().unwrap_or(0..0),
             Problem::from_message(e.message()),
         )
     };
-    Err(errors.iter().take(MAX_ERRORS).map(place).collect())
+    let told = errors.iter().take(MAX_ERRORS).map(place).collect();
+    match SceneFileErrors::from_unsorted(told, errors.len().saturating_sub(MAX_ERRORS)) {
+        None => Ok(document.into_inner()),
+        Some(errors) => Err(errors),
+    }
 }
 
 /// Replaces or adds the values of the source's overrides. A key is dotted (`render.spp`); a list element is named by its
 /// index from 0 or by its `name` (`object.0.material`, `object.lens.material`). Whether the last key exists is left to the
-/// schema, which reports unknown keys.
+/// reader, which reports unknown keys.
 pub fn apply_overrides<'s>(
     document: &mut DeTable<'s>,
     source: &'s Source,
-) -> Result<(), Vec<SceneFileError>> {
+) -> Result<(), SceneFileErrors> {
     let mut errors = Vec::new();
     for o in &source.overrides {
-        let value = DeTable::parse(&o.padded)
-            .map_err(|e| Problem::from_message(e.message()))
-            .and_then(|t| {
-                t.into_inner()
-                    .into_iter()
-                    .next()
-                    .ok_or_else(|| Problem::Form("no value".to_owned()))
-            });
-        if let Err(problem) = value.and_then(|(_, value)| set(document, &o.key, value)) {
-            errors.push(SceneFileError {
-                file: source.name.clone(),
-                place: Place::Override(o.typed.clone()),
-                problem,
-            });
+        if let Err(problem) = set(document, &o.key, o.parse()) {
+            errors.push(source.error(&(o.start..o.start), problem));
         }
     }
-    if errors.is_empty() {
-        Ok(())
-    } else {
-        Err(errors)
-    }
+    SceneFileErrors::from_unsorted(errors, 0).map_or(Ok(()), Err)
 }
 
 fn set<'s>(
@@ -207,169 +225,6 @@ fn no_list(document: &DeTable<'_>, name: &str) -> Problem {
     ))
 }
 
-/// One step from the document's root to a value.
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Step {
-    Key(String),
-    Index(usize),
-}
-
-impl Step {
-    /// The key; empty for an index.
-    fn key(&self) -> &str {
-        match self {
-            Self::Key(key) => key,
-            Self::Index(_) => "",
-        }
-    }
-}
-
-/// Reads `T` from the document. After each error the smallest entry around it is removed and reading starts again, so that
-/// all errors are found; errors that only say that a removed entry is missing are passed over. Gives what could be read, and
-/// the places of the tables and lists that something was removed from.
-pub fn read_all<T: DeserializeOwned>(
-    document: &DeTable<'_>,
-    source: &Source,
-    errors: &mut Vec<SceneFileError>,
-) -> (Option<T>, Vec<Place>) {
-    let mut removed_from = Vec::new();
-    let value = read_rest(document.clone(), source, errors, &mut removed_from);
-    (
-        value,
-        removed_from
-            .iter()
-            .map(|span| source.place(span.start))
-            .collect(),
-    )
-}
-
-fn read_rest<T: DeserializeOwned>(
-    mut rest: DeTable<'_>,
-    source: &Source,
-    errors: &mut Vec<SceneFileError>,
-    removed_from: &mut Vec<Range<usize>>,
-) -> Option<T> {
-    for _ in 0..2 * MAX_ERRORS {
-        let value = Spanned::new(0..0, DeValue::Table(rest.clone()));
-        let error = match T::deserialize(ValueDeserializer::from(value)) {
-            Ok(value) => return Some(value),
-            Err(error) => error,
-        };
-        let span = error.span().unwrap_or(0..0);
-        let path = smallest_entry(&rest, &span);
-        let here = path
-            .as_ref()
-            .and_then(|p| value_at(&mut rest, p))
-            .map(|v| v.span());
-        if !here.is_some_and(|h| removed_from.contains(&h)) {
-            errors.push(source.error(&span, Problem::from_message(error.message())));
-        }
-        let (last, parents) = path.as_ref()?.split_last()?;
-        match value_at(&mut rest, parents) {
-            None => {
-                rest.remove(last.key());
-            }
-            Some(parent) => {
-                removed_from.push(parent.span());
-                remove(parent.get_mut(), last);
-            }
-        }
-        if errors.len() >= MAX_ERRORS {
-            return None;
-        }
-    }
-    None
-}
-
-/// The value at a path; `None` for the root and where there is none.
-fn value_at<'t, 's>(
-    document: &'t mut DeTable<'s>,
-    path: &[Step],
-) -> Option<&'t mut Spanned<DeValue<'s>>> {
-    let (first, rest) = path.split_first()?;
-    let mut at = document.get_mut(first.key())?;
-    for step in rest {
-        at = match (at.get_mut(), step) {
-            (DeValue::Table(table), Step::Key(key)) => table.get_mut(key.as_str())?,
-            (DeValue::Array(items), Step::Index(i)) => items.get_mut(*i)?,
-            _ => return None,
-        };
-    }
-    Some(at)
-}
-
-fn remove(parent: &mut DeValue<'_>, step: &Step) {
-    match (parent, step) {
-        (DeValue::Table(table), Step::Key(key)) => {
-            table.remove(key.as_str());
-        }
-        (DeValue::Array(items), Step::Index(index)) => {
-            let mut kept = DeArray::new();
-            items
-                .iter()
-                .enumerate()
-                .filter(|(i, _)| i != index)
-                .for_each(|(_, item)| kept.push(item.clone()));
-            *items = kept;
-        }
-        _ => {}
-    }
-}
-
-/// The path of the smallest key or value whose span contains `span`. (The span of a `[header]` table is its header, so all
-/// of the document is searched.)
-fn smallest_entry(document: &DeTable<'_>, span: &Range<usize>) -> Option<Vec<Step>> {
-    let mut best: Option<(usize, Vec<Step>)> = None;
-    visit_table(document, &mut Vec::new(), &mut |path, at| {
-        let contains = at.start <= span.start && span.end <= at.end;
-        if contains && best.as_ref().is_none_or(|(size, _)| at.len() <= *size) {
-            best = Some((at.len(), path.to_vec()));
-        }
-    });
-    best.map(|(_, path)| path)
-}
-
-fn visit_table(
-    table: &DeTable<'_>,
-    path: &mut Vec<Step>,
-    see: &mut impl FnMut(&[Step], Range<usize>),
-) {
-    for (key, value) in table {
-        path.push(Step::Key(key.get_ref().to_string()));
-        see(path, key.span());
-        visit_value(value, path, see);
-        path.pop();
-    }
-}
-
-fn visit_value(
-    value: &Spanned<DeValue<'_>>,
-    path: &mut Vec<Step>,
-    see: &mut impl FnMut(&[Step], Range<usize>),
-) {
-    see(path, value.span());
-    match value.get_ref() {
-        DeValue::Table(table) => visit_table(table, path, see),
-        DeValue::Array(items) => {
-            for (i, item) in items.iter().enumerate() {
-                path.push(Step::Index(i));
-                visit_value(item, path, see);
-                path.pop();
-            }
-        }
-        _ => {}
-    }
-}
-
-/// The names defined in section `section` (`[section.NAME]`), also of definitions that are wrong themselves.
-#[must_use]
-pub fn names(document: &DeTable<'_>, section: &str) -> Vec<String> {
-    let table = document.get(section).and_then(|v| v.get_ref().as_table());
-    table
-        .map(|t| t.keys().map(|k| k.get_ref().to_string()).collect())
-        .unwrap_or_default()
-}
-
 /// A hash of what the document says without its `[render]` table: comments, order of keys and layout do not matter.
 #[must_use]
 pub fn scene_hash(document: &DeTable<'_>) -> u64 {
@@ -406,14 +261,4 @@ fn hash_value(value: &DeValue<'_>) -> u64 {
         ),
     };
     combine(tag, hash)
-}
-
-/// A hash of a string of bytes, its length included.
-#[must_use]
-pub fn hash_bytes(bytes: &[u8]) -> u64 {
-    bytes.chunks(8).fold(bytes.len() as u64, |hash, chunk| {
-        let mut word = [0; 8];
-        word[..chunk.len()].copy_from_slice(chunk);
-        combine(hash, u64::from_le_bytes(word))
-    })
 }

@@ -2,6 +2,7 @@
 //!
 //! Variants are told apart by who must act: a typing mistake, a value, a file on disk.
 
+use crate::io::files::FileProblem;
 use std::fmt;
 use strsim::levenshtein;
 
@@ -36,32 +37,9 @@ pub enum Problem {
     /// Keys that contradict each other or are missing.
     #[error("{0}")]
     Conflict(String),
-    /// A file that is not there.
-    #[error("file \"{0}\" not found (paths are relative to the scene file)")]
-    MissingFile(String),
-    /// A path that leaves the folder of the scene file.
-    #[error(
-        "file \"{0}\" is outside the scene's folder (allowed: a relative path without \"..\" into the folder of the scene file)"
-    )]
-    OutsideFolder(String),
-    /// A file above its size limit.
-    #[error("file \"{path}\" has {bytes} bytes (allowed: at most {limit})")]
-    TooLarge {
-        /// The path as written.
-        path: String,
-        /// Its size.
-        bytes: u64,
-        /// The limit in bytes.
-        limit: u64,
-    },
-    /// A file that is there but cannot be used.
-    #[error("file \"{path}\": {message}")]
-    BadFile {
-        /// The path as written.
-        path: String,
-        /// What is wrong, with the line where known.
-        message: String,
-    },
+    /// A file that cannot be had or used.
+    #[error(transparent)]
+    File(#[from] FileProblem),
 }
 
 fn hint(suggestion: Option<&str>, known: &[String]) -> String {
@@ -91,35 +69,11 @@ impl Problem {
         }
     }
 
-    /// The problem behind a message of serde or of the TOML parser.
+    /// The problem behind a message of the TOML parser.
     #[must_use]
     pub fn from_message(message: &str) -> Self {
-        let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-        for (prefix, what) in [("unknown field", "key"), ("unknown variant", "value")] {
-            if message.starts_with(prefix)
-                && let Some((name, known)) = quoted.split_first()
-            {
-                return Self::unknown(what, name, known.iter().copied());
-            }
-        }
-        if message.starts_with("missing field")
-            && let [name] = quoted[..]
-        {
-            return Self::Conflict(format!("key \"{name}\" is missing"));
-        }
-        let plain = message
-            .trim_end()
-            .replace('\n', ", ")
-            .replace("`\"`", "a quotation mark")
-            .replace('`', "\"");
-        let plain = plain
-            .replace("expected i64", "expected a whole number")
-            .replace("expected f64", "expected a number");
-        // the name of a struct of this program means nothing to the reader
-        Self::Form(match plain.split_once("expected struct ") {
-            Some((before, _)) => format!("{before}expected a table"),
-            None => plain,
-        })
+        let plain = message.trim_end().replace('\n', ", ");
+        Self::Form(plain.replace("`\"`", "a quotation mark").replace('`', "\""))
     }
 }
 
@@ -133,6 +87,7 @@ fn nearest(name: &str, known: &[String]) -> Option<String> {
     let limit = (typed.chars().count() / 3).max(1);
     known
         .iter()
+        .filter(|k| k.len().abs_diff(name.len()) <= 4 * limit)
         .map(|k| (levenshtein(&typed, &k.to_lowercase()), k))
         .filter(|(d, _)| *d <= limit)
         .min()
@@ -180,30 +135,43 @@ impl fmt::Display for SceneFileError {
 
 /// All problems of a scene file, in the order of their places; never empty.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SceneFileErrors(Vec<SceneFileError>);
+pub struct SceneFileErrors {
+    told: Vec<SceneFileError>,
+    /// How many there are beyond those.
+    more: usize,
+}
 
 impl SceneFileErrors {
-    /// Sorts by place and drops repetitions. `None` when there are none.
+    /// Sorts by place and drops repetitions; `more` were only counted. `None` when there are none.
     #[must_use]
-    pub fn from_unsorted(mut errors: Vec<SceneFileError>) -> Option<Self> {
-        errors.sort_by(|a, b| a.place.cmp(&b.place));
-        errors.dedup();
-        (!errors.is_empty()).then_some(Self(errors))
+    pub fn from_unsorted(mut told: Vec<SceneFileError>, more: usize) -> Option<Self> {
+        told.sort_by(|a, b| a.place.cmp(&b.place));
+        told.dedup();
+        (!told.is_empty()).then_some(Self { told, more })
     }
 
     /// One problem of the file as a whole.
     #[must_use]
     pub fn whole_file(file: &str, problem: Problem) -> Self {
-        Self(vec![SceneFileError {
-            file: file.to_owned(),
-            place: Place::File,
-            problem,
-        }])
+        Self::one(file, Place::File, problem)
+    }
+
+    /// One problem.
+    #[must_use]
+    pub fn one(file: &str, place: Place, problem: Problem) -> Self {
+        Self {
+            told: vec![SceneFileError {
+                file: file.to_owned(),
+                place,
+                problem,
+            }],
+            more: 0,
+        }
     }
 
     /// The problems.
     pub fn iter(&self) -> std::slice::Iter<'_, SceneFileError> {
-        self.0.iter()
+        self.told.iter()
     }
 }
 
@@ -212,11 +180,14 @@ impl std::error::Error for SceneFileErrors {}
 impl fmt::Display for SceneFileErrors {
     /// One line each.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, error) in self.0.iter().enumerate() {
+        for (i, error) in self.told.iter().enumerate() {
             if i > 0 {
                 writeln!(f)?;
             }
             write!(f, "{error}")?;
+        }
+        if self.more > 0 {
+            write!(f, "\n... and {} more problems", self.more)?;
         }
         Ok(())
     }
@@ -242,13 +213,5 @@ mod tests {
             text("diamond"),
             "unknown glass \"diamond\" (known: N-BK7, N-SF11, WATER)"
         );
-    }
-
-    #[test]
-    fn serde_messages_become_problems() {
-        let p = Problem::from_message("unknown field `spq`, expected one of `spp`, `seed`");
-        assert_eq!(p.to_string(), "unknown key \"spq\" (did you mean \"spp\"?)");
-        let p = Problem::from_message("missing field `radius`");
-        assert_eq!(p.to_string(), "key \"radius\" is missing");
     }
 }

@@ -1,29 +1,43 @@
-//! Scene files (TOML): text -> document -> schema -> checked plan -> scene description.
+//! Scene files (TOML): text -> document -> scene description, by keys.
 //!
-//! Every problem of a file is found in one go and carries its place: syntax by the parser, keys and types by
-//! [`document::read_all`], values and names by [`check`](check::check), library names and meshes by [`resolve`].
-//! `scenes/README.md` is the reference of every key.
+//! One file per kind of thing declares its keys ([`keys`]) and makes the renderer's own type of them. Every
+//! problem of a file is found in one go and carries its place, names of the library and meshes included. Each
+//! file is read once: bytes, hash, contents. `docs/scene-files.md` is the reference of every key.
 
-mod check;
-pub mod document;
+mod document;
 mod error;
-pub(in crate::io) mod files;
-mod plan;
-mod resolve;
-mod schema;
+mod keys;
+mod light;
+mod material;
+mod medium;
+mod mesh;
+mod model;
+mod motion;
+mod object;
+mod reader;
+pub mod reference;
+mod render;
+mod scene;
+mod sensor;
+mod shape;
+mod spectrum;
+#[cfg(test)]
+mod tests;
+mod texture;
+mod transform;
+mod value;
 
+pub use crate::scene::settings::OutputUnits;
 pub use error::{Place, Problem, SceneFileError, SceneFileErrors};
-pub use schema::OutputUnits;
 
 use crate::io::atomic::folder;
 use crate::io::convert::shortest_scene;
+use crate::io::files::{self, FileProblem};
 use crate::io::model_file::ModelKind;
-use crate::math::hash::combine;
 use crate::scene::description::SceneDescription;
 use crate::scene::settings::Settings;
-use check::Names;
+use crate::scene::{BuildError, Subject};
 use document::Source;
-use plan::Plan;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -39,17 +53,34 @@ pub struct LoadedScene {
     pub units: OutputUnits,
     /// What is legal but surely not meant, one line each.
     pub warnings: Vec<String>,
+    /// Where the parts of the description stand in the file.
+    pub places: Places,
 }
 
-/// A checked scene file: all that can be said without the libraries of spectra and glasses and without reading meshes.
-#[derive(Clone, Debug)]
-pub struct CheckedScene {
-    plan: Plan,
-    /// Hash of what the file says (without `[render]`) and of the files it names.
-    pub hash: u64,
-    /// As in [`LoadedScene`].
-    pub warnings: Vec<String>,
-    source: Source,
+/// Places of the objects, lights and sensors of a scene file, by their index in the description.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Places {
+    objects: Vec<Place>,
+    lights: Vec<Place>,
+    sensors: Vec<Place>,
+}
+
+impl Places {
+    /// The problem of a description that is no scene, at its place in the file (the file as a whole
+    /// for parts that models brought).
+    #[must_use]
+    pub fn build_error(&self, path: &Path, error: &BuildError) -> SceneFileErrors {
+        let place = error.subject().and_then(|subject| match subject {
+            Subject::Emission(i) => self.objects.get(i),
+            Subject::Light(i) => self.lights.get(i),
+            Subject::Sensor(i) => self.sensors.get(i),
+        });
+        SceneFileErrors::one(
+            &path.display().to_string(),
+            place.cloned().unwrap_or(Place::File),
+            Problem::Conflict(error.to_string()),
+        )
+    }
 }
 
 /// Reads a scene file, or a model as the scene it makes by itself, with `overrides` (dotted key, value) applied.
@@ -67,7 +98,7 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedScene, 
             read_scene_text(path).map_err(|problem| SceneFileErrors::whole_file(&name, problem))?
         }
     };
-    finish(check_str(&text, &name, folder(path), overrides)?)
+    read_str(&text, &name, folder(path), overrides)
 }
 
 /// Reads a scene from text; files it names are looked for in `folder`.
@@ -75,89 +106,35 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedScene, 
 /// # Errors
 /// All problems of the text.
 pub fn parse_str(text: &str, folder: &Path) -> Result<LoadedScene, SceneFileErrors> {
-    finish(check_str(text, "scene", folder, &[])?)
+    read_str(text, "scene", folder, &[])
 }
 
-/// Everything but [`resolve`]: `name` stands for the file in messages.
+/// As [`parse_str`], with `overrides` applied; `name` stands for the file in messages.
 ///
 /// # Errors
 /// All problems of the text.
-pub fn check_str(
+pub fn read_str(
     text: &str,
     name: &str,
     folder: &Path,
     overrides: &[(String, String)],
-) -> Result<CheckedScene, SceneFileErrors> {
-    let source = Source::new(name, text, overrides);
-    let (plan, hash, warnings) = check_source(&source, folder).map_err(|errors| {
-        SceneFileErrors::from_unsorted(errors).unwrap_or_else(|| {
-            SceneFileErrors::whole_file(name, Problem::Form("nothing could be read".to_owned()))
-        })
-    })?;
-    Ok(CheckedScene {
-        plan,
-        hash,
-        warnings,
-        source,
-    })
+) -> Result<LoadedScene, SceneFileErrors> {
+    read_source(&Source::new(name, text, overrides), Some(folder))
 }
 
-fn check_source(
-    source: &Source,
-    folder: &Path,
-) -> Result<(Plan, u64, Vec<String>), Vec<SceneFileError>> {
+fn read_source(source: &Source, folder: Option<&Path>) -> Result<LoadedScene, SceneFileErrors> {
     let mut document = document::parse(source)?;
     document::apply_overrides(&mut document, source)?;
-    let names = Names {
-        spectra: document::names(&document, "spectrum"),
-        media: document::names(&document, "medium"),
-        materials: document::names(&document, "material"),
-        meshes: document::names(&document, "mesh"),
-    };
-    let mut errors = Vec::new();
-    let (file, incomplete) = document::read_all(&document, source, &mut errors);
-    let Some(file) = file else { return Err(errors) };
-    let (plan, mut checker) = check::check(&file, source, folder, &names);
-    // that a table lacks what was taken out of it is no news
-    let follows = |e: &SceneFileError| {
-        matches!(e.problem, Problem::Conflict(_)) && incomplete.contains(&e.place)
-    };
-    checker.errors.retain(|e| !follows(e));
-    errors.append(&mut checker.errors);
-    if !errors.is_empty() {
-        return Err(errors);
-    }
-    let mut hash = document::scene_hash(&document);
-    for path in &checker.files {
-        // a file that vanished since it was checked is reported when it is read
-        hash = combine(hash, hash_file(path).unwrap_or(0));
-    }
-    Ok((plan, hash, checker.warnings))
-}
-
-fn finish(checked: CheckedScene) -> Result<LoadedScene, SceneFileErrors> {
-    let CheckedScene {
-        plan,
-        hash,
-        mut warnings,
-        source,
-    } = checked;
-    let (settings, units) = (plan.settings.clone(), plan.units);
-    let (description, notes) = resolve::resolve(&plan, hash, &source)?;
-    warnings.extend(notes);
-    Ok(LoadedScene {
-        description,
-        settings,
-        units,
-        warnings,
-    })
+    scene::read(&document, source, folder)
 }
 
 fn read_scene_text(path: &Path) -> Result<String, Problem> {
     let name = path.display().to_string();
-    let bad = |message: String| Problem::BadFile {
-        path: name.clone(),
-        message,
+    let bad = |message: String| {
+        Problem::from(FileProblem::Bad {
+            path: name.clone(),
+            message,
+        })
     };
     let file = File::open(path).map_err(|e| bad(e.to_string()))?;
     let mut bytes = Vec::new();
@@ -166,11 +143,12 @@ fn read_scene_text(path: &Path) -> Result<String, Problem> {
         .map_err(|e| bad(e.to_string()))?;
     if bytes.len() as u64 > files::MAX_SCENE_BYTES {
         let size = path.metadata().map_or(bytes.len() as u64, |m| m.len());
-        return Err(Problem::TooLarge {
+        return Err(FileProblem::TooLarge {
             path: name,
             bytes: size,
             limit: files::MAX_SCENE_BYTES,
-        });
+        }
+        .into());
     }
     String::from_utf8(bytes).map_err(|e| {
         bad(format!(
@@ -180,30 +158,10 @@ fn read_scene_text(path: &Path) -> Result<String, Problem> {
     })
 }
 
-fn hash_file(path: &Path) -> std::io::Result<u64> {
-    let mut file = File::open(path)?;
-    let mut block = vec![0; 1 << 16];
-    let mut hash = 0;
-    loop {
-        // blocks are filled, so that the hash does not depend on how the system cuts the file
-        let mut filled = 0;
-        while filled < block.len() {
-            match file.read(&mut block[filled..])? {
-                0 => break,
-                n => filled += n,
-            }
-        }
-        if filled == 0 {
-            return Ok(hash);
-        }
-        hash = combine(hash, document::hash_bytes(&block[..filled]));
-    }
-}
-
-/// Checks any bytes as a scene file: must not panic. Files are not looked for.
+/// Reads any bytes as a scene file whose files are all missing: must not panic.
 pub fn fuzz_scene(bytes: &[u8]) {
     if let Ok(text) = std::str::from_utf8(bytes) {
         // the outcome does not matter
-        _ = check_str(text, "fuzz", Path::new("/nonexistent"), &[]);
+        _ = read_source(&Source::new("fuzz", text, &[]), None);
     }
 }

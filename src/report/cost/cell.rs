@@ -12,7 +12,7 @@ use crate::io::identity::{VERSION, settings_hash};
 use crate::io::image;
 use crate::io::layers::{self, Layer};
 use crate::io::loaded::{self, Loaded};
-use crate::io::scene_file::document::hash_bytes;
+use crate::math::hash::hash_bytes;
 use crate::render::{Cancel, OutputRequest, Render, Session, SessionOptions, StopReason};
 use crate::report::{ReportError, json};
 use serde::{Deserialize, Serialize};

@@ -4,8 +4,8 @@
 use super::data::Group;
 use crate::film::Filter;
 use crate::integrator::SensorJob;
-use crate::io::identity::{integrator_name, regularize_name};
 use crate::io::loaded::Loaded;
+use crate::math::named::Named;
 use crate::render::{EpsilonChoice, epsilon};
 use crate::scene::Settings;
 use crate::scene::effects::EffectKind;
@@ -93,8 +93,8 @@ impl Method {
     /// Keys of the scene file that choose it.
     fn keys(self) -> [(&'static str, &'static str); 2] {
         [
-            ("integrator", integrator_name(self.integrator)),
-            ("regularize", regularize_name(self.regularize)),
+            ("integrator", self.integrator.as_str()),
+            ("regularize", self.regularize.as_str()),
         ]
     }
 
@@ -179,7 +179,7 @@ impl<'a> Base<'a> {
         } else {
             ""
         };
-        let name = integrator_name(self.loaded.settings.integrator);
+        let name = self.loaded.settings.integrator.as_str();
         format!("the scene as it is ({name}{mode})")
     }
 
@@ -228,7 +228,7 @@ impl<'a> Base<'a> {
         }
         let group = Group::Effects;
         if self.regularized() {
-            let keys = [("regularize", regularize_name(Regularize::Off))];
+            let keys = [("regularize", Regularize::Off.as_str())];
             let label = "without regularization";
             effects.push(Variant::new("no-regularization", label, group, &keys));
         }

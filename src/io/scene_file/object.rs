@@ -1,0 +1,295 @@
+//! `[[object]]`: a shape, where it is, what it is made of, what it separates and what it emits.
+
+use super::document::Node;
+use super::keys::{Build, Built, Form, Given, Keys, Range, Spec, Table, Value, first_given, keys};
+use super::material::MaterialFacts;
+use super::mesh::MeshSource;
+use super::motion::Motion;
+use super::reader::Reader;
+use super::shape::{BoxKeys, CylinderKeys, DiskKeys, Placed, QuadKeys, SphereKeys};
+use super::spectrum::SurfaceEmission;
+use super::transform::Steps;
+use super::value::{At, MaterialName, MediumName, Name, items};
+use crate::geometry::{Shape, Transform};
+use crate::material::MaterialId;
+use crate::medium::{Boundary, MediumId};
+use crate::scene::description::{AreaEmission, ObjectDescription};
+use glam::{DAffine3, DVec3};
+use std::collections::BTreeSet;
+
+const PRIORITY: Range = Range::closed(i32::MIN as f64, i32::MAX as f64, "-2^31 to 2^31 - 1");
+
+keys! {
+    /// A surface of exactly one shape.
+    ObjectKeys = "object" {
+        /// Name for messages and for `--set`, unique.
+        name: Option<At<Name>>, or "`object 0`, ...";
+        /// A sphere.
+        sphere: Option<Given<SphereKeys>>;
+        /// A disk, with or without a hole.
+        disk: Option<Given<DiskKeys>>;
+        /// A parallelogram.
+        quad: Option<Given<QuadKeys>>;
+        /// The side of a cylinder.
+        cylinder: Option<Given<CylinderKeys>>;
+        /// A box along the axes.
+        r#box as "box": Option<Given<BoxKeys>>;
+        /// A mesh, read once for all objects that use the same.
+        mesh: Option<MeshSource>;
+        /// What the surface is made of.
+        material: Option<At<MaterialName>>, or "black";
+        /// Steps that place it, applied in order.
+        transform: Steps;
+        /// What moves it after that.
+        motion: Motion<true>;
+        /// The medium of a closed shape (sphere, box, closed mesh).
+        interior: Option<At<MediumName>>, or "none";
+        /// With `interior`: where solids overlap, the larger wins, of equal ones the later object.
+        priority: Option<i64>, in PRIORITY, or "0";
+        /// Media on both sides of an open surface such as that of a lens, instead of `interior`.
+        interface: Option<InterfaceKeys>, or "none";
+        /// Radiance.
+        emission: Option<SurfaceEmission>, unit "W/(m² sr nm)", or "none";
+        /// With `emission`: emits from the back too.
+        two_sided: Option<bool>, or "false";
+    }
+}
+
+keys! {
+    /// The media of an open surface.
+    InterfaceKeys = "interface" {
+        /// On the side of the normal.
+        above: Option<At<MediumName>>, or "the ambient one";
+        /// Behind.
+        below: Option<At<MediumName>>, or "the ambient one";
+    }
+}
+
+impl Value for InterfaceKeys {
+    fn form() -> Form {
+        Form::Table(Self::KIND)
+    }
+
+    fn read(node: Node<'_>, _: Spec, cx: &mut Reader<'_>) -> Option<Self> {
+        let table = Table::of(node, Self::NAMES, cx)?;
+        Self::from_table(&table, cx)
+    }
+}
+
+const SHAPES: [&str; 6] = ["sphere", "disk", "quad", "cylinder", "box", "mesh"];
+
+/// An object that has no name yet, unless it was given one.
+#[derive(Debug)]
+pub struct Unnamed {
+    name: Option<String>,
+    object: ObjectDescription,
+}
+
+impl Build for ObjectKeys {
+    type Output = Unnamed;
+
+    fn build(mut self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Unnamed> {
+        let material = self.material.as_ref().and_then(|name| {
+            let found = cx.defined("material", &name.value.0, &name.at, |cx| &cx.materials);
+            found.flatten()
+        });
+        let boundary = self.boundary(table, cx);
+        let shape = table
+            .exactly_one(&SHAPES, "object", cx)
+            .and_then(|_| self.shape(cx));
+        self.check_sides(material.as_ref(), boundary, shape.as_ref(), table, cx);
+        if let (Some((shape, _)), Some(at)) = (&shape, self.image_at(material.as_ref())) {
+            let has_coordinates = match shape {
+                Shape::Mesh(mesh) => mesh.has_texture_coordinates(),
+                Shape::Deforming(mesh) => mesh.has_texture_coordinates(),
+                _ => true,
+            };
+            if !has_coordinates {
+                cx.conflict(&at, "a texture on a mesh without texture coordinates");
+            }
+        }
+        let (shape, local) = shape?;
+        table.sound(cx)?;
+        let to_world = self.transform.0 * local;
+        let volume = to_world.matrix3.determinant().abs();
+        if !to_world.matrix3.is_finite() || volume < f64::MIN_POSITIVE {
+            let message = "the object has no volume or area after its transform (allowed: an \
+                           invertible transform)";
+            cx.conflict(&table.at, message);
+            return None;
+        }
+        let fixed = Transform::fixed(to_world);
+        let transform = if self.motion.0.is_empty() {
+            fixed
+        } else {
+            fixed.under(&self.motion.0, cx.shutter.unwrap_or_default())
+        };
+        let two_sided = self.two_sided.unwrap_or(false);
+        Some(Unnamed {
+            name: self.name.map(|n| n.value.0),
+            object: ObjectDescription {
+                name: String::new(),
+                shape,
+                transform,
+                material: material.map_or(MaterialId(cx.black), |m| m.id),
+                boundary,
+                emission: self.emission.map(|e| AreaEmission {
+                    radiance: e.radiance,
+                    pattern: e.pattern,
+                    two_sided,
+                }),
+            },
+        })
+    }
+}
+
+impl ObjectKeys {
+    fn shape(&mut self, cx: &Reader<'_>) -> Option<Placed> {
+        if let Some(mesh) = self.mesh.take() {
+            // the vertices are in the file's unit
+            return Some((mesh.0?, DAffine3::from_scale(DVec3::splat(cx.unit_m))));
+        }
+        first_given([
+            self.sphere.take().map(|g| g.0),
+            self.disk.take().map(|g| g.0),
+            self.quad.take().map(|g| g.0),
+            self.cylinder.take().map(|g| g.0),
+            self.r#box.take().map(|g| g.0),
+        ])?
+    }
+
+    fn boundary(&self, table: &Table<'_>, cx: &mut Reader<'_>) -> Boundary {
+        if self.priority.is_some() && self.interior.is_none() {
+            let message = "priority is for objects with interior only";
+            cx.conflict(&table.span("priority"), message);
+        }
+        let id = |name: &Option<At<MediumName>>, cx: &mut Reader<'_>| {
+            name.as_ref().map_or(MediumId::AMBIENT, |name| {
+                let found = cx.defined("medium", &name.value.0, &name.at, |cx| &cx.media);
+                found.unwrap_or(MediumId::AMBIENT)
+            })
+        };
+        match (&self.interior, &self.interface) {
+            (None, None) => Boundary::None,
+            (Some(_), None) => Boundary::Solid {
+                medium: id(&self.interior, cx),
+                priority: self.priority.unwrap_or(0) as i32,
+            },
+            (None, Some(interface)) => Boundary::Interface {
+                above: id(&interface.above, cx),
+                below: id(&interface.below, cx),
+            },
+            (Some(_), Some(_)) => {
+                let message = "an object has either interior or interface, not both";
+                cx.conflict(&table.at, message);
+                Boundary::None
+            }
+        }
+    }
+
+    /// A solid needs a closed shape, a dielectric a medium on each side, a material with coverage
+    /// neither, and only what emits has sides to emit from.
+    fn check_sides(
+        &self,
+        material: Option<&MaterialFacts>,
+        boundary: Boundary,
+        shape: Option<&Placed>,
+        table: &Table<'_>,
+        cx: &mut Reader<'_>,
+    ) {
+        if let (Some(interior), Some((shape, _))) = (&self.interior, shape) {
+            let message = match shape {
+                Shape::Disk { .. } | Shape::Quad | Shape::Cylinder => {
+                    "interior needs a closed shape (allowed: sphere, box, a closed mesh; for \
+                     others name both sides with interface)"
+                }
+                _ => {
+                    "the mesh is not closed, so it has no interior (every edge needs two \
+                     triangles that run through it in opposite directions)"
+                }
+            };
+            if !shape.is_closed() {
+                cx.conflict(&interior.at, message);
+            }
+        }
+        if self.two_sided.is_some() && self.emission.is_none() {
+            let message = "two_sided is for objects with emission only";
+            cx.conflict(&table.span("two_sided"), message);
+        }
+        let (Some(name), Some(material)) = (&self.material, material) else {
+            return;
+        };
+        if material.is_dielectric && self.interior.is_none() && self.interface.is_none() {
+            let name = &name.value.0;
+            let message = format!(
+                "material \"{name}\" is dielectric: the object needs interior or interface"
+            );
+            cx.conflict(&table.span("material"), message);
+        }
+        let cut = self.emission.is_some() || boundary != Boundary::None;
+        if material.has_coverage && cut {
+            let name = &name.value.0;
+            let message = format!(
+                "material \"{name}\" has a coverage, which objects with emission, interior or \
+                 interface cannot have"
+            );
+            cx.conflict(&table.span("material"), message);
+        }
+    }
+
+    /// Where the object has an image, if it has one.
+    fn image_at(&self, material: Option<&MaterialFacts>) -> Option<std::ops::Range<usize>> {
+        let emission = self.emission.as_ref().and_then(|e| e.image_at.clone());
+        emission.or_else(|| material?.image_at.clone())
+    }
+}
+
+/// `[[object]]`, each with its place.
+#[derive(Debug, Default)]
+pub struct Objects(pub Vec<At<ObjectDescription>>);
+
+impl Value for Objects {
+    fn form() -> Form {
+        Form::List(Box::new(Form::Table(ObjectKeys::KIND)))
+    }
+
+    fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
+        cx.files_before_objects = cx.file_hashes.len();
+        let mut objects = Vec::new();
+        let mut names = BTreeSet::new();
+        for (i, item) in items(node, "an array", cx)?.into_iter().enumerate() {
+            let Some(read) = Built::<ObjectKeys>::read(item, spec, cx) else {
+                continue;
+            };
+            let Unnamed { name, mut object } = read.0;
+            if let Some(name) = &name
+                && !names.insert(name.clone())
+            {
+                let at = item.get_ref().get("name").map_or(item.span(), |n| n.span());
+                cx.conflict(&at, format!("object \"{name}\" is defined twice"));
+            }
+            object.name = name.unwrap_or_else(|| format!("object {i}"));
+            if object.material.0 == cx.black && object.emission.is_none() {
+                let warning = format!(
+                    "{} has no material and no emission: it is black",
+                    object.name
+                );
+                cx.warnings.push(warning);
+            }
+            objects.push(At {
+                value: object,
+                at: item.span(),
+            });
+        }
+        Some(Self(objects))
+    }
+
+    fn absent(_: &Table<'_>, _: Spec, cx: &mut Reader<'_>) -> Option<Self> {
+        cx.files_before_objects = cx.file_hashes.len();
+        Some(Self::default())
+    }
+
+    fn default_text() -> Option<String> {
+        Some("none".to_owned())
+    }
+}
