@@ -37,13 +37,13 @@ keys! {
         /// A mesh, read once for all objects that use the same.
         mesh: Option<MeshSource>;
         /// What the surface is made of.
-        material: Option<At<MaterialName>>, or "black";
+        material: Option<MaterialUse>, or "black";
         /// Steps that place it, applied in order.
         transform: Steps;
         /// What moves it after that.
         motion: Motion<true>;
         /// The medium of a closed shape (sphere, box, closed mesh).
-        interior: Option<At<MediumName>>, or "none";
+        interior: Option<At<MediumUse>>, or "none";
         /// With `interior`: where solids overlap, the larger wins, of equal ones the later object.
         priority: Option<i64>, in PRIORITY, or "0";
         /// Media on both sides of an open surface such as that of a lens, instead of `interior`.
@@ -59,9 +59,9 @@ keys! {
     /// The media of an open surface.
     InterfaceKeys = "interface" {
         /// On the side of the normal.
-        above: Option<At<MediumName>>, or "the ambient one";
+        above: Option<MediumUse>, or "the ambient one";
         /// Behind.
-        below: Option<At<MediumName>>, or "the ambient one";
+        below: Option<MediumUse>, or "the ambient one";
     }
 }
 
@@ -78,8 +78,45 @@ impl Value for InterfaceKeys {
 
 const SHAPES: [&str; 6] = ["sphere", "disk", "quad", "cylinder", "box", "mesh"];
 
+/// A material of the file.
+pub struct MaterialUse {
+    name: String,
+    /// `None` where its definition is wrong.
+    facts: Option<MaterialFacts>,
+}
+
+impl Value for MaterialUse {
+    fn form() -> Form {
+        MaterialName::form()
+    }
+
+    fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
+        let MaterialName(name) = MaterialName::read(node, spec, cx)?;
+        let facts = cx.defined("material", &name, &node.span(), |cx| &cx.materials);
+        Some(Self {
+            name,
+            facts: facts.flatten(),
+        })
+    }
+}
+
+/// A medium of the file.
+#[derive(Clone, Copy)]
+pub struct MediumUse(MediumId);
+
+impl Value for MediumUse {
+    fn form() -> Form {
+        MediumName::form()
+    }
+
+    fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
+        let MediumName(name) = MediumName::read(node, spec, cx)?;
+        let found = cx.defined("medium", &name, &node.span(), |cx| &cx.media);
+        Some(Self(found.unwrap_or(MediumId::AMBIENT)))
+    }
+}
+
 /// An object that has no name yet, unless it was given one.
-#[derive(Debug)]
 pub struct Unnamed {
     name: Option<String>,
     object: ObjectDescription,
@@ -89,10 +126,7 @@ impl Build for ObjectKeys {
     type Output = Unnamed;
 
     fn build(mut self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Unnamed> {
-        let material = self.material.as_ref().and_then(|name| {
-            let found = cx.defined("material", &name.value.0, &name.at, |cx| &cx.materials);
-            found.flatten()
-        });
+        let material = self.material.as_ref().and_then(|m| m.facts.clone());
         let boundary = self.boundary(table, cx);
         let shape = table
             .exactly_one(&SHAPES, "object", cx)
@@ -163,21 +197,15 @@ impl ObjectKeys {
             let message = "priority is for objects with interior only";
             cx.conflict(&table.span("priority"), message);
         }
-        let id = |name: &Option<At<MediumName>>, cx: &mut Reader<'_>| {
-            name.as_ref().map_or(MediumId::AMBIENT, |name| {
-                let found = cx.defined("medium", &name.value.0, &name.at, |cx| &cx.media);
-                found.unwrap_or(MediumId::AMBIENT)
-            })
-        };
         match (&self.interior, &self.interface) {
             (None, None) => Boundary::None,
-            (Some(_), None) => Boundary::Solid {
-                medium: id(&self.interior, cx),
+            (Some(interior), None) => Boundary::Solid {
+                medium: interior.value.0,
                 priority: self.priority.unwrap_or(0) as i32,
             },
             (None, Some(interface)) => Boundary::Interface {
-                above: id(&interface.above, cx),
-                below: id(&interface.below, cx),
+                above: interface.above.map_or(MediumId::AMBIENT, |m| m.0),
+                below: interface.below.map_or(MediumId::AMBIENT, |m| m.0),
             },
             (Some(_), Some(_)) => {
                 let message = "an object has either interior or interface, not both";
@@ -220,7 +248,7 @@ impl ObjectKeys {
             return;
         };
         if material.is_dielectric && self.interior.is_none() && self.interface.is_none() {
-            let name = &name.value.0;
+            let name = &name.name;
             let message = format!(
                 "material \"{name}\" is dielectric: the object needs interior or interface"
             );
@@ -228,7 +256,7 @@ impl ObjectKeys {
         }
         let cut = self.emission.is_some() || boundary != Boundary::None;
         if material.has_coverage && cut {
-            let name = &name.value.0;
+            let name = &name.name;
             let message = format!(
                 "material \"{name}\" has a coverage, which objects with emission, interior or \
                  interface cannot have"
