@@ -122,7 +122,7 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
             sample_pixel(&pilot, &pass, (x, y), response, &mut workspace);
             let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let time = scene.sensors[frame.sensor].shutter.at(0.5);
-            let width = camera.pixel_width(raster, time);
+            let width = camera.pixel_width(raster, time.into());
             let mut length = 0.0;
             for vertex in &workspace.camera_subpath().vertices {
                 length += vertex.distance;
@@ -140,7 +140,7 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
             reason: format!("{PIXELS} pixels at the distance of what the camera sees"),
         },
         None => RadiusChoice {
-            radius: SHARE * scene.radius,
+            radius: SHARE * scene.accel.radius(),
             reason: format!("{SHARE} of the radius of the scene"),
         },
     }
@@ -151,7 +151,7 @@ pub fn choose_radius(frame: &Frame, response: SensorResponse) -> RadiusChoice {
 pub fn scheduled_radius(frame: &Frame, first: f64, index: u32) -> f64 {
     let exponent = -0.5 * (1.0 - frame.settings.merging.alpha);
     let radius = first * (f64::from(index) + 1.0).powf(exponent);
-    radius.max(LEAST_SHARE * frame.scene.radius)
+    radius.max(LEAST_SHARE * frame.scene.accel.radius())
 }
 
 /// Wavelength and time of pass `index`.
@@ -218,7 +218,7 @@ pub fn trace_photons(
         }
     }
     let radius = pass.merge_radius.unwrap_or(0.0);
-    let map = PhotonMap::build(all, frame.lanes(), frame.scene.center, radius);
+    let map = PhotonMap::build(all, frame.lanes(), frame.scene.accel.center(), radius);
     (map, counters)
 }
 

@@ -136,7 +136,7 @@ fn merging_takes_no_memory() {
         });
     });
     assert_eq!(traced, 0);
-    let photons = PhotonMap::build(buffer, frame.lanes(), scene.center, radius).unwrap();
+    let photons = PhotonMap::build(buffer, frame.lanes(), scene.accel.center(), radius).unwrap();
     let mut workspace = Workspace::default();
     let count = after_warm_up(|| {
         spread(&frame, |pixel| {

@@ -11,19 +11,13 @@ use super::plan::{
     ObjectPlan, Plan, SensorKind, SensorPlan, ShapePlan, Span, SpectrumPlan, SpectrumSource,
 };
 use super::schema::FilterName;
-use crate::camera::detector::Detector;
-use crate::camera::orthographic::Orthographic;
-use crate::camera::perspective::{Perspective, ThinLens};
+use crate::camera::perspective::ThinLens;
 use crate::camera::{Camera, Resolution};
 use crate::film::Filter as FilmFilter;
 use crate::geometry::{Link, Shape, Shutter, Transform};
 use crate::io::model_file::ModelKind;
 use crate::io::{obj, ply};
 use crate::light::Light;
-use crate::light::beam::BeamLight;
-use crate::light::directional::DirectionalLight;
-use crate::light::environment::EnvironmentLight;
-use crate::light::point::PointLight;
 use crate::light::spot::SpotLight;
 use crate::material::MaterialId;
 use crate::medium::{Boundary, Medium, MediumId, absorption_of};
@@ -406,7 +400,7 @@ impl Resolver<'_> {
             LightKind::Point {
                 position,
                 intensity,
-            } => Light::Point(PointLight::at(*position, self.emission(intensity))),
+            } => Light::point(*position, self.emission(intensity)),
             LightKind::Spot {
                 position,
                 direction,
@@ -415,35 +409,29 @@ impl Resolver<'_> {
                 intensity,
             } => {
                 let intensity = self.emission(intensity);
-                Light::Spot(SpotLight::aimed(
-                    *position, *direction, intensity, *outer_rad, *inner_rad,
-                ))
+                let cone = SpotLight {
+                    cone_rad: *outer_rad,
+                    falloff_start_rad: *inner_rad,
+                };
+                Light::spot(*position, *direction, intensity, cone)
             }
             LightKind::Directional {
                 direction,
                 irradiance,
-            } => Light::Directional(DirectionalLight::along(
-                *direction,
-                self.emission(irradiance),
-            )),
+            } => Light::directional(*direction, self.emission(irradiance)),
             LightKind::Beam {
                 position,
                 direction,
                 radius_m,
                 irradiance,
-            } => Light::Beam(BeamLight::aimed(
-                *position,
-                *direction,
-                self.emission(irradiance),
-                *radius_m,
-            )),
+            } => Light::beam(*position, *direction, self.emission(irradiance), *radius_m),
             LightKind::Environment { radiance, image } => {
                 let radiance = match radiance {
                     Some(radiance) => self.emission(radiance),
                     None => Emission::from_rgb([1.0; 3]),
                 };
                 match image {
-                    None => Light::Environment(EnvironmentLight::uniform(radiance)),
+                    None => Light::environment(radiance, None),
                     Some(image) => self.environment(radiance, image),
                 }
             }
@@ -497,20 +485,11 @@ fn sensor(plan: &SensorPlan) -> SensorDescription {
                 radius_m: aperture_radius_m,
                 focus_distance_m,
             });
-            Camera::Perspective(Perspective::new(
-                Transform::fixed(to_world),
-                resolution,
-                fov_rad,
-                lens,
-            ))
+            Camera::perspective(Transform::fixed(to_world), resolution, fov_rad, lens)
         }
         SensorKind::Orthographic { to_world, height_m } => {
             let width_m = height_m * f64::from(width) / f64::from(height);
-            Camera::Orthographic(Orthographic::new(
-                Transform::fixed(to_world),
-                resolution,
-                width_m,
-            ))
+            Camera::orthographic(Transform::fixed(to_world), resolution, width_m)
         }
         SensorKind::Detector {
             center,
@@ -520,12 +499,11 @@ fn sensor(plan: &SensorPlan) -> SensorDescription {
         } => {
             let axes = DMat3::from_cols(u.normalize(), v.normalize(), u.cross(v).normalize());
             let pose = DAffine3::from_mat3_translation(axes, center);
-            let mut detector = Detector::new(pose, 2.0 * u.length(), 2.0 * v.length(), resolution);
-            detector.transparent = transparent;
-            Camera::Detector(detector)
+            let (width_m, height_m) = (2.0 * u.length(), 2.0 * v.length());
+            Camera::detector(pose, width_m, height_m, resolution, transparent)
         }
     };
-    let is_detector = matches!(camera, Camera::Detector(_));
+    let is_detector = camera.is_hittable();
     let filter = film_filter(plan.filter, plan.filter_radius, is_detector);
     SensorDescription {
         name: plan.name.clone(),

@@ -8,7 +8,6 @@ use crate::io::gltf::PER_NIT;
 use crate::io::model::{self, ModelCamera, Staging};
 use crate::io::model_file;
 use crate::light::Light;
-use crate::light::environment::EnvironmentLight;
 use crate::light::environment_image::EnvironmentImage;
 use crate::math::hash::combine;
 use crate::scene::description::{LightDescription, SceneDescription};
@@ -38,11 +37,7 @@ impl Resolver<'_> {
             }
             environment.map(Arc::new)
         });
-        Light::Environment(EnvironmentLight {
-            radiance,
-            image,
-            motion: None,
-        })
+        Light::environment(radiance, image)
     }
 
     /// Adds the models, then what a scene with models but without cameras or lights needs.
