@@ -2,6 +2,8 @@
 
 pub mod photons;
 pub mod sample;
+pub mod strategies;
 
 pub use photons::PhotonTracer;
 pub use sample::{Frame, Workspace, sample_and_merge, sample_pixel};
+pub use strategies::strategies;

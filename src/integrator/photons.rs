@@ -31,8 +31,8 @@ impl PhotonTracer {
             let before = buffer.len();
             let width = frame.scene.sensors[frame.sensor].camera.resolution().width;
             let path = pixel.1 * width + pixel.0;
-            let techniques = frame.techniques_of(pass, pixel);
-            buffer.add(&context, &techniques, light, path);
+            let strategies = frame.strategies_of(pass, pixel);
+            buffer.add(&context, &strategies, light, path);
             counters.photons += (buffer.len() - before) as u64;
         }
     }

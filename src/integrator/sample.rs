@@ -1,23 +1,25 @@
 //! One sample of one pixel: a light sub-path, a camera sub-path, and the strategies the integrator executes.
 //!
-//! `path`, `light` and `bdpt` differ only in which strategies they execute ([`Techniques::samples`]) and so in which sub-paths they
+//! Integrators differ only in which strategies they execute ([`StrategySet::samples`]) and so in which sub-paths they
 //! need; the walk, the connections and the weights are the same code.
 
+use super::strategies;
 use crate::bsdf::Side;
 use crate::film::Crop;
 use crate::geometry::{EndPoint, Ray};
 use crate::medium::MediumLanes;
 use crate::sampler::{Sampler, Stream};
 use crate::scene::regularization::{Decision, Mode, decide};
-use crate::scene::settings::{IntegratorKind, Sharing};
+use crate::scene::settings::Sharing;
 use crate::scene::{Scene, Settings};
 use crate::spectrum::{LaneResponse, SampledSpectrum, SensorResponse};
 use crate::transport::connect::{Joiner, Photons, Receiver, Scratch};
 use crate::transport::context::SharedSample;
+use crate::transport::strategies::Merge;
 use crate::transport::subpath::Vertex;
 use crate::transport::walk::{Start, walk};
 use crate::transport::{
-    Contribution, Counters, PassSettings, PathContext, PhotonMap, Subpath, Techniques, Throughput,
+    Contribution, Counters, PassSettings, PathContext, PhotonMap, StrategySet, Subpath, Throughput,
 };
 use glam::{DVec2, DVec3};
 
@@ -31,7 +33,7 @@ pub struct Frame<'a> {
     /// Render settings.
     pub settings: &'a Settings,
     /// Executed strategies.
-    pub techniques: Techniques<'a>,
+    pub strategies: StrategySet<'a>,
     /// Whether passes come with a cone.
     pub regularization: Decision,
     /// Also compute raw values (for tables of strategies).
@@ -55,22 +57,26 @@ impl<'a> Frame<'a> {
         let camera = &scene.sensors[sensor].camera;
         let resolution = camera.resolution();
         let film = f64::from(resolution.width) * f64::from(resolution.height);
-        let mut techniques =
-            Techniques::new(settings, crop.pixels() as f64 / film, camera.is_hittable());
+        let splat_samples = crop.pixels() as f64 / film;
+        let mut strategies = strategies(settings, splat_samples, camera.is_hittable());
         let decision = decide(scene, sensor, settings);
         if let Some(Mode::Single(rule)) = decision.mode {
-            techniques.single = Some(rule);
+            strategies.single = Some(rule);
         }
-        techniques.bias_weight = settings.regularization.bias_weight;
+        strategies.bias_weight = settings.regularization.bias_weight;
+        let heroes = match settings.merging.sharing {
+            Sharing::Set if strategies.merge.is_some() => lanes(scene, settings) as u32,
+            _ => 1,
+        };
         Self {
             scene,
             sensor,
             settings,
-            techniques,
+            strategies,
             regularization: decision,
             with_raw,
             detailed: with_raw,
-            light_paths: light_paths(crop, heroes(scene, settings)),
+            light_paths: light_paths(crop, heroes),
         }
     }
 
@@ -80,19 +86,19 @@ impl<'a> Frame<'a> {
         self.light_paths.len() as u32
     }
 
-    /// The techniques of a pass for the paths of one pixel.
-    pub(super) fn techniques_of(&self, pass: &PassSettings, pixel: (u32, u32)) -> Techniques<'a> {
-        let merging = match (pass.merge_radius, &pass.shared) {
+    /// The strategies of a pass for the paths of one pixel.
+    pub(super) fn strategies_of(&self, pass: &PassSettings, pixel: (u32, u32)) -> StrategySet<'a> {
+        let samples = match (pass.merge_radius, &pass.shared) {
             (Some(radius), Some(shared)) => {
                 let paths = self.light_paths[shared.hero(pixel) as usize];
                 std::f64::consts::PI * radius * radius * paths as f64
             }
             _ => 0.0,
         };
-        Techniques {
+        StrategySet {
             cone: pass.cone,
-            merging,
-            ..self.techniques
+            merge: self.strategies.merge.map(|m| Merge { samples, ..m }),
+            ..self.strategies
         }
     }
 
@@ -120,13 +126,6 @@ fn lanes(scene: &Scene, settings: &Settings) -> usize {
         1
     } else {
         settings.lanes
-    }
-}
-
-fn heroes(scene: &Scene, settings: &Settings) -> u32 {
-    match settings.merging.sharing {
-        Sharing::Set if settings.integrator.merges() => lanes(scene, settings) as u32,
-        _ => 1,
     }
 }
 
@@ -264,9 +263,10 @@ pub fn sample_and_merge(
         .camera
         .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.time);
     camera.restart(start.xk, sensor.stack.region(), None, start.pdf_xk);
-    if settings.integrator != IntegratorKind::Light {
+    let strategies = frame.strategies_of(pass, (x, y));
+    if strategies.wants_camera_walk() {
         let eta2 = context.eta_squared(sensor.stack.medium());
-        let hittable = frame.techniques.hittable_sensor;
+        let hittable = frame.strategies.hittable_sensor;
         let xk = start.xk;
         walk(
             &context,
@@ -279,7 +279,7 @@ pub fn sample_and_merge(
                 infinite: false,
                 generate: Side::Light,
                 max_vertices: max_depth + 1,
-                specular_only: settings.integrator == IntegratorKind::Ppm,
+                specular_only: strategies.ends_at_first_rough(),
             },
             &mut sampler.stream(Stream::Camera),
             counters,
@@ -288,10 +288,9 @@ pub fn sample_and_merge(
             },
         );
     }
-    // without connections only light sub-paths that hit the sensor are of use
-    let no_light = settings.integrator == IntegratorKind::Path
-        || settings.integrator.only_merges() && !frame.techniques.hittable_sensor;
-    if no_light || !start_light(&context, light, max_depth, &sampler, counters) {
+    if !strategies.wants_light_walk()
+        || !start_light(&context, light, max_depth, &sampler, counters)
+    {
         light.restart(
             EndPoint {
                 p: DVec3::ZERO,
@@ -306,10 +305,9 @@ pub fn sample_and_merge(
     }
 
     let margin = sensor.filter.margin();
-    let techniques = frame.techniques_of(pass, (x, y));
     let mut joiner = Joiner {
         context: &context,
-        techniques: &techniques,
+        strategies: &strategies,
         max_depth,
         skip_point_images: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: frame.with_raw,
@@ -335,7 +333,7 @@ pub fn sample_and_merge(
     for hit in &light.sensor_hits {
         joiner.hit_sensor(light, hit);
     }
-    if settings.integrator.connects_pairs() {
+    if strategies.pairs > 0.0 {
         joiner.pairs(light, camera);
     }
     if let (Some(map), Some(shared)) = (photons, &pass.shared) {

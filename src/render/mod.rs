@@ -75,7 +75,7 @@ impl<'a> Render<'a> {
             .mode
             .map(|_| epsilon::choose(&frame, outputs.response));
         let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
-        let merges = settings.integrator.merges();
+        let merges = frame.strategies.merge.is_some();
         let radius = merges.then(|| merging::choose_radius(&frame, outputs.response));
         let roulette_threshold = pilot::roulette_threshold(&frame, cone, outputs.response);
         Self {

@@ -1,7 +1,7 @@
 //! Whether connections at specular vertices are made for a sensor, and why.
 
 use super::effects::Effect;
-use super::settings::{IntegratorKind, Regularize, Settings, SingleRule};
+use super::settings::{Regularize, Settings, SingleRule};
 use super::{Object, Scene};
 
 /// How specular vertices are connected.
@@ -71,10 +71,7 @@ pub fn decide(scene: &Scene, sensor: usize, settings: &Settings) -> Decision {
                 ))
             } else if settings.integrator.merges() {
                 off("photon merging makes these paths, too; ask for mis to have both")
-            } else if matches!(
-                settings.integrator,
-                IntegratorKind::Path | IntegratorKind::Light
-            ) {
+            } else if !settings.integrator.connects_pairs() {
                 off("only integrators that connect two sub-paths switch it on by themselves")
             } else {
                 Decision {

@@ -31,12 +31,6 @@ impl PathClass {
         class
     }
 
-    /// Whether every scattering vertex is specular, of at least one.
-    #[must_use]
-    pub fn is_all_specular(&self) -> bool {
-        self.length > 0 && self.specular.count_ones() == self.length
-    }
-
     /// One more vertex on the sensor side.
     pub fn push(&mut self, specular: bool) {
         if specular && self.length < 64 {

@@ -16,9 +16,9 @@ use super::class::PathClass;
 use super::context::{Counters, PathContext};
 use super::contribution::{Contribution, Target};
 use super::density::{PathView, VertexDensity};
-use super::mis::{Multipliers, Technique, delivers_to_all, denominator};
+use super::mis::{Multipliers, Technique, denominator, serves_all_lanes};
+use super::strategies::StrategySet;
 use super::subpath::{Subpath, Vertex};
-use super::techniques::Techniques;
 use crate::geometry::{DirectionalDensity, EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
 use crate::medium::Region;
@@ -33,14 +33,14 @@ pub struct Joiner<'a> {
     /// What the path pair shares.
     pub context: &'a PathContext<'a>,
     /// Which strategies are executed.
-    pub techniques: &'a Techniques<'a>,
+    pub strategies: &'a StrategySet<'a>,
     /// At most this many scattering vertices on a path.
     pub max_depth: usize,
     /// All-specular paths between a delta light and a pinhole are left out: an image of measure zero.
     pub skip_point_images: bool,
     /// Also compute the raw (unweighted) value of each contribution.
     pub with_raw: bool,
-    /// Each photon that is merged gives a contribution of its own; else one camera vertex gives one.
+    /// Contributions have their class, and each photon that is merged gives one of its own; else one camera vertex gives one.
     pub detailed: bool,
     /// Numbers for connections.
     pub numbers: StreamSampler,
@@ -76,7 +76,8 @@ struct Candidate<'p> {
 impl<'a> Joiner<'a> {
     /// Whether strategy (s, t) is executed and allowed by the depth limit.
     fn wants(&self, s: usize, t: usize) -> bool {
-        s + t <= self.max_depth.saturating_add(2) && self.techniques.samples(s, t, false) > 0.0
+        s + t <= self.max_depth.saturating_add(2)
+            && self.strategies.samples(Technique::Join(s), s + t, false) > 0.0
     }
 
     /// Whether a joining edge may end at the vertex.
@@ -86,7 +87,7 @@ impl<'a> Joiner<'a> {
 
     /// Whether a joining edge may end at the vertex under a specular label.
     fn is_regularized(&self, vertex: &Vertex) -> bool {
-        self.techniques.cone.is_some() && vertex.has_specular
+        self.strategies.cone.is_some() && vertex.has_specular
     }
 
     fn light(&self, id: LightId) -> &'a Light {
@@ -101,13 +102,13 @@ impl<'a> Joiner<'a> {
         segment: Option<(&Ray, &Region)>,
     ) {
         let view = &candidate.view;
-        if self.skip_point_images && !view.hittable_light && PathClass::of(view).is_all_specular() {
+        if self.skip_point_images && !view.hittable_light && view.is_all_specular() {
             return;
         }
         #[cfg(test)]
-        super::record::record(view, self.techniques, segment.map(|(ray, _)| ray));
+        super::record::record(view, self.strategies, segment.map(|(ray, _)| ray));
         let count = self.context.count();
-        let multipliers = Multipliers::new(view, self.techniques);
+        let multipliers = Multipliers::new(view, self.strategies);
         let weights = denominator(
             &multipliers,
             self.context.wavelengths(),
@@ -147,20 +148,14 @@ impl<'a> Joiner<'a> {
         }
         self.counters.connections_made += 1;
         let s = view.s();
-        let mut raw = [0.0; MAX_LANES];
-        if self.with_raw {
-            let alone = multipliers.plain(s);
-            let shared = delivers_to_all(view, view.dispersive_count(), Technique::Join(s));
-            for (j, value) in raw.iter_mut().enumerate().take(count) {
-                let techniques = if shared {
-                    count
-                } else {
-                    self.context.wavelengths().multiplicity(j)
-                };
-                let lane = numerator.scale * f64::from(numerator.lanes[j]);
-                *value = lane / (alone * techniques as f64 * survival);
-            }
-        }
+        let made = Technique::Join(s);
+        let raw = if self.with_raw {
+            let shared = serves_all_lanes(view, view.dispersive_count(), made);
+            let value = |j| numerator.scale * f64::from(numerator.lanes[j]);
+            self.raw(value, multipliers.plain(made), shared, survival)
+        } else {
+            [0.0; MAX_LANES]
+        };
         for lane in &mut lanes {
             *lane /= survival;
         }
@@ -172,8 +167,34 @@ impl<'a> Joiner<'a> {
             t: view.camera.len() as u32,
             regularized: multipliers.regularized(s) as u8,
             merged: false,
-            class: PathClass::of(view),
+            class: if self.detailed {
+                PathClass::of(view)
+            } else {
+                PathClass::default()
+            },
         });
+    }
+
+    /// The estimate of a technique alone, executed `samples` times, from its numerators `value`, which all lanes share or only
+    /// those of one wavelength.
+    fn raw(
+        &self,
+        value: impl Fn(usize) -> f64,
+        samples: f64,
+        shared: bool,
+        survival: f64,
+    ) -> [f64; MAX_LANES] {
+        let mut raw = [0.0; MAX_LANES];
+        let count = self.context.count();
+        for (j, raw) in raw.iter_mut().enumerate().take(count) {
+            let heroes = if shared {
+                count
+            } else {
+                self.context.wavelengths().multiplicity(j)
+            };
+            *raw = value(j) / (samples * heroes as f64 * survival);
+        }
+        raw
     }
 
     /// Emission densities of x₀ and of the direction in which its light leaves.
@@ -260,7 +281,7 @@ impl<'a> Joiner<'a> {
                 }
                 let b = &camera.vertices[j];
                 let mut with_rough_pair = rough_a && b.has_non_specular;
-                let probability = self.techniques.samples(s, t, false);
+                let probability = self.strategies.samples(Technique::Join(s), s + t, false);
                 if with_rough_pair && probability < 1.0 {
                     if used == 4 {
                         numbers = self.numbers.next4();

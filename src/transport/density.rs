@@ -325,6 +325,13 @@ impl PathView<'_> {
             || inner(self.camera)
     }
 
+    /// Whether every scattering vertex is specular, of at least one.
+    #[must_use]
+    pub fn is_all_specular(&self) -> bool {
+        let end = self.len() - 1;
+        end > 1 && (1..end).all(|i| self.is_specular(i))
+    }
+
     /// Number of dispersive vertices.
     #[must_use]
     pub fn dispersive_count(&self) -> usize {

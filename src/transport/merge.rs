@@ -10,8 +10,8 @@
 
 use super::density::VertexDensity;
 use super::mis::plain_multiplier;
-use super::techniques::Techniques;
-use crate::scene::settings::{Heuristic, IntegratorKind};
+use super::strategies::StrategySet;
+use crate::scene::settings::Heuristic;
 use crate::spectrum::{MAX_LANES, SampledWavelengths};
 
 /// The terms of all techniques on one side of a merged vertex, that of merging itself not among them.
@@ -22,7 +22,7 @@ pub struct SideTerms {
     /// Sum of all others per unit of the density of direction at the merged vertex towards this side (per its power, by the
     /// heuristic).
     pub rest: f64,
-    /// The part of `rest` at whose techniques' end points all dispersive vertices of this side are.
+    /// The part of `rest` from techniques that join at every dispersive vertex of this side, so all lanes share it.
     pub rest_shared: f64,
     /// Whether all dispersive vertices of this side are end points of the first.
     pub first_shared: bool,
@@ -49,9 +49,9 @@ pub fn side_terms(
     densities: &[VertexDensity],
     factor: f64,
     side: MergeSide,
-    techniques: &Techniques,
+    strategies: &StrategySet,
 ) -> SideTerms {
-    let power = |value| techniques.heuristic.power(value);
+    let power = |value| strategies.heuristic.power(value);
     let last = densities.len() - 1;
     let inner = |c: usize| (1..last).contains(&c);
     let is_specular = |c: usize| inner(c) && densities[c].label.is_specular();
@@ -65,13 +65,13 @@ pub fn side_terms(
     let multiplier = |c: usize| {
         let regularized = ends(c, &is_specular) as i32;
         match side {
-            _ if techniques.kind.only_merges() => 0.0,
+            _ if strategies.merges_alone() => 0.0,
             // the merged vertex and all on the other side are at least two
             MergeSide::Light { direct } if c == 1 => {
-                direct * plain_multiplier(techniques, 1, 2, regularized)
+                direct * plain_multiplier(strategies, 1, 3, regularized)
             }
-            MergeSide::Light { .. } => plain_multiplier(techniques, c, 2, regularized),
-            MergeSide::Sensor => plain_multiplier(techniques, 2, c, regularized),
+            MergeSide::Light { .. } => plain_multiplier(strategies, c, c + 2, regularized),
+            MergeSide::Sensor => plain_multiplier(strategies, 2, c + 2, regularized),
         }
     };
     let is_shared = |c: usize| ends(c, &is_dispersive) == dispersive;
@@ -87,8 +87,8 @@ pub fn side_terms(
         if rho == 0.0 {
             break;
         }
-        if c >= 1 && !is_specular(c) && techniques.kind != IntegratorKind::Ppm {
-            let merge = power(rho * densities[c].own * techniques.merging);
+        if c >= 1 && !is_specular(c) && !strategies.merges_first_only() {
+            let merge = power(rho * densities[c].own * strategies.merge_samples());
             out.rest += merge;
             if dispersive == 0 {
                 out.rest_shared += merge;
@@ -113,20 +113,20 @@ pub fn merge_factors(
     light: &SideTerms,
     sensor: &SideTerms,
     (toward_light, toward_sensor): (f64, f64),
-    techniques: &Techniques,
+    strategies: &StrategySet,
     wavelengths: &SampledWavelengths,
 ) -> [f64; MAX_LANES] {
-    let power = |value| techniques.heuristic.power(value);
+    let power = |value| strategies.heuristic.power(value);
     let (toward_light, toward_sensor) = (power(toward_light), power(toward_sensor));
-    let own_term = power(techniques.merging);
+    let own_term = power(strategies.merge_samples());
     let all = own_term
         + light.first
         + toward_light * light.rest
         + sensor.first
         + toward_sensor * sensor.rest;
-    let numerator = match techniques.heuristic {
+    let numerator = match strategies.heuristic {
         Heuristic::Balance => 1.0,
-        Heuristic::Power2 => techniques.merging,
+        Heuristic::Power2 => strategies.merge_samples(),
     };
     let count = wavelengths.count();
     if !light.dispersive && !sensor.dispersive {
@@ -156,8 +156,8 @@ pub fn merge_factors(
 
 /// Whether the sums above hold for all paths: the techniques depend on nothing that only the whole path tells.
 #[must_use]
-pub fn is_separable(techniques: &Techniques) -> bool {
+pub fn is_separable(strategies: &StrategySet) -> bool {
     let whole =
-        techniques.cone.is_some() && (techniques.single.is_some() || techniques.bias_weight < 1.0);
-    techniques.disabled.is_empty() && !whole
+        strategies.cone.is_some() && (strategies.single.is_some() || strategies.bias_weight < 1.0);
+    strategies.disabled.is_empty() && !whole
 }

@@ -13,8 +13,8 @@
 //! `D_j = shared + own_j`.
 
 use super::density::PathView;
-use super::techniques::Techniques;
-use crate::scene::settings::{Heuristic, IntegratorKind, SingleRule};
+use super::strategies::StrategySet;
+use crate::scene::settings::{Heuristic, SingleRule};
 use crate::spectrum::{MAX_LANES, SampledWavelengths};
 
 /// The denominators `D_j` of all lanes.
@@ -58,16 +58,16 @@ enum Admitted {
     /// None: it is made by merging.
     None,
     /// Those that join at no specular vertex.
-    Unbiased,
+    Unregularized,
     /// One.
     Only(usize),
 }
 
-/// `m₁(s) = n_s · (A β)^{N_r(s)} · [executed and admitted]` for the strategies of a path.
+/// Multiplier `m₁(s) = n_s · (A β)^{N_r(s)} · [executed and admitted]` of every technique of a path.
 #[derive(Clone, Copy, Debug)]
 pub struct Multipliers<'a> {
     path: &'a PathView<'a>,
-    techniques: &'a Techniques<'a>,
+    strategies: &'a StrategySet<'a>,
     admitted: Admitted,
     /// Some vertex is specular; without one there is little to ask.
     has_specular: bool,
@@ -78,29 +78,29 @@ pub struct Multipliers<'a> {
 impl<'a> Multipliers<'a> {
     /// For a path. Looks at the whole path only where the techniques call for it.
     #[must_use]
-    pub fn new(path: &'a PathView<'a>, techniques: &'a Techniques<'a>) -> Self {
+    pub fn new(path: &'a PathView<'a>, strategies: &'a StrategySet<'a>) -> Self {
         let mut out = Self {
             path,
-            techniques,
+            strategies,
             admitted: Admitted::All,
             has_specular: path.has_specular(),
             beta: 1.0,
         };
-        if techniques.kind.only_merges() && out.is_mergeable() {
+        if strategies.merges_alone() && out.is_mergeable() {
             out.admitted = Admitted::None;
             return out;
         }
-        if techniques.cone.is_none() || !out.has_specular {
+        if strategies.cone.is_none() || !out.has_specular {
             return out;
         }
-        if let Some(rule) = techniques.single {
-            out.admitted = if out.has_other() {
-                Admitted::Unbiased
+        if let Some(rule) = strategies.single {
+            out.admitted = if out.has_unregularized() {
+                Admitted::Unregularized
             } else {
                 out.single(rule).map_or(Admitted::All, Admitted::Only)
             };
-        } else if techniques.bias_weight < 1.0 && out.has_other() {
-            out.beta = techniques.bias_weight;
+        } else if strategies.bias_weight < 1.0 && out.has_unregularized() {
+            out.beta = strategies.bias_weight;
         }
         out
     }
@@ -114,47 +114,48 @@ impl<'a> Multipliers<'a> {
         i32::from(self.path.is_specular(s - 1)) + i32::from(self.path.is_specular(s))
     }
 
-    /// Without choice and β: `n_s · A^{N_r(s)} · [executed]`.
+    /// Without choice and β: `n_s · A^{N_r(s)} · [executed]`; π r² N_L where merging is done.
     #[must_use]
-    pub fn plain(&self, s: usize) -> f64 {
+    pub fn plain(&self, technique: Technique) -> f64 {
         let n = self.path.len();
-        plain_multiplier(self.techniques, s, n - s, self.regularized(s))
+        match technique {
+            Technique::Join(s) => plain_multiplier(self.strategies, s, n, self.regularized(s)),
+            Technique::Merge(i) => {
+                let samples = self.strategies.samples(technique, n, false);
+                let merges = samples > 0.0
+                    && (1..n - 1).contains(&i)
+                    && !self.path.is_specular(i)
+                    && (!self.strategies.merges_first_only()
+                        || (i + 1..n - 1).all(|j| self.path.is_specular(j)));
+                if merges { samples } else { 0.0 }
+            }
+        }
     }
 
-    /// π r² N_L if merging at x_i is done, else 0.
+    /// What a technique is weighted with besides its density and A: `β^{N_r(s)} · [admitted]`.
     #[must_use]
-    pub fn merging(&self, i: usize) -> f64 {
-        let end = self.path.len() - 1;
-        let merges = self.techniques.merging > 0.0
-            && (1..end).contains(&i)
-            && !self.path.is_specular(i)
-            // at the first non-specular vertex from the sensor
-            && (self.techniques.kind != IntegratorKind::Ppm
-                || (i + 1..end).all(|j| self.path.is_specular(j)));
-        if merges { self.techniques.merging } else { 0.0 }
-    }
-
-    /// What strategy `s` is weighted with besides its density and A: `β^{N_r(s)} · [admitted]`.
-    #[must_use]
-    pub fn preference(&self, s: usize) -> f64 {
+    pub fn preference(&self, technique: Technique) -> f64 {
+        let Technique::Join(s) = technique else {
+            return 1.0;
+        };
         match self.admitted {
             Admitted::All if self.beta == 1.0 => 1.0,
             Admitted::All => self.beta.powi(self.regularized(s)),
             Admitted::None => 0.0,
-            Admitted::Unbiased => f64::from(u8::from(self.regularized(s) == 0)),
+            Admitted::Unregularized => f64::from(u8::from(self.regularized(s) == 0)),
             Admitted::Only(one) => f64::from(u8::from(s == one)),
         }
     }
 
-    /// `m₁(s)`.
+    /// `m₁` of a technique.
     #[must_use]
-    pub fn of(&self, s: usize) -> f64 {
-        self.plain(s) * self.preference(s)
+    pub fn of(&self, technique: Technique) -> f64 {
+        self.plain(technique) * self.preference(technique)
     }
 
     /// Whether the path can be made at all by strategy `s`: hitting needs something that can be hit.
     fn is_possible(&self, s: usize) -> bool {
-        (s > 0 || self.path.hittable_light) && self.plain(s) > 0.0
+        (s > 0 || self.path.hittable_light) && self.plain(Technique::Join(s)) > 0.0
     }
 
     /// Whether any scattering vertex is non-specular.
@@ -163,8 +164,8 @@ impl<'a> Multipliers<'a> {
     }
 
     /// Whether a strategy without regularized vertices makes the path, or merging: a function of its class alone.
-    fn has_other(&self) -> bool {
-        self.techniques.merging > 0.0 && self.is_mergeable()
+    fn has_unregularized(&self) -> bool {
+        self.strategies.merge_samples() > 0.0 && self.is_mergeable()
             || (0..=self.path.len()).any(|s| self.regularized(s) == 0 && self.is_possible(s))
     }
 
@@ -186,11 +187,11 @@ impl<'a> Multipliers<'a> {
     }
 }
 
-/// `n_s · A^{N_r} · [executed]` of strategy (s, t), which joins at N_r = `regularized` specular vertices.
+/// `n_s · A^{N_r} · [executed]` of strategy `s` of `n` vertices, which joins at N_r = `regularized` specular ones.
 #[must_use]
-pub fn plain_multiplier(techniques: &Techniques, s: usize, t: usize, regularized: i32) -> f64 {
-    let samples = techniques.samples(s, t, regularized > 0);
-    match (regularized, techniques.cone) {
+pub fn plain_multiplier(strategies: &StrategySet, s: usize, n: usize, regularized: i32) -> f64 {
+    let samples = strategies.samples(Technique::Join(s), n, regularized > 0);
+    match (regularized, strategies.cone) {
         (0, _) => samples,
         (_, None) => 0.0,
         (1, Some(cone)) => samples * cone.area,
@@ -205,8 +206,8 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
     let path = multipliers.path;
     let n = path.len();
     let s = path.s();
-    let merging = multipliers.techniques.merging > 0.0;
-    let m = |i: usize| multipliers.of(i);
+    let merging = multipliers.strategies.merge_samples() > 0.0;
+    let m = |i: usize| multipliers.of(Join(i));
     term(Join(s), m(s));
 
     // Direct sampling of x₀ (s' = 1) has a density of its own, which enters where s' = 1 is an end of the walk.
@@ -231,7 +232,7 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
                 break;
             }
             if merging {
-                term(Merge(i), rho * path.pf(i) * multipliers.merging(i));
+                term(Merge(i), rho * path.pf(i) * multipliers.of(Merge(i)));
             }
             if i >= 2 {
                 term(Join(i), rho * m(i));
@@ -251,7 +252,7 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
             rho *= path.pf(0) / pr0;
         } else {
             if merging {
-                term(Merge(i), rho * path.pf(i) * multipliers.merging(i));
+                term(Merge(i), rho * path.pf(i) * multipliers.of(Merge(i)));
             }
             rho *= path.pf(i) / path.pr(i);
             term(Join(i + 1), rho * m(i + 1));
@@ -265,7 +266,7 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
 /// Whether every dispersive vertex of the path is an end point of the technique, so that every lane can serve as its hero. Merging
 /// has no end points.
 #[must_use]
-pub fn delivers_to_all(path: &PathView, dispersive: usize, technique: Technique) -> bool {
+pub fn serves_all_lanes(path: &PathView, dispersive: usize, technique: Technique) -> bool {
     if dispersive == 0 {
         return true;
     }
@@ -288,12 +289,12 @@ pub fn denominator(
     wavelengths: &SampledWavelengths,
     scratch: &mut Vec<f64>,
 ) -> Denominator {
-    let s = multipliers.path.s();
-    let preference = multipliers.preference(s);
+    let executed = Technique::Join(multipliers.path.s());
+    let preference = multipliers.preference(executed);
     Denominator {
-        numerator: match multipliers.techniques.heuristic {
+        numerator: match multipliers.strategies.heuristic {
             Heuristic::Balance => preference,
-            Heuristic::Power2 => preference * multipliers.of(s),
+            Heuristic::Power2 => preference * multipliers.of(executed),
         },
         ..terms(multipliers, wavelengths, scratch)
     }
@@ -309,9 +310,9 @@ pub fn merge_denominator(
 ) -> Denominator {
     let merged = multipliers.path.s() - 1;
     let from_sensor = multipliers.path.pr(merged);
-    let merging = multipliers.merging(merged);
+    let merging = multipliers.of(Technique::Merge(merged));
     Denominator {
-        numerator: match multipliers.techniques.heuristic {
+        numerator: match multipliers.strategies.heuristic {
             _ if merging == 0.0 => 0.0,
             Heuristic::Balance => from_sensor,
             Heuristic::Power2 => from_sensor * from_sensor * merging,
@@ -326,7 +327,7 @@ fn terms(
     scratch: &mut Vec<f64>,
 ) -> Denominator {
     let path = multipliers.path;
-    let heuristic = multipliers.techniques.heuristic;
+    let heuristic = multipliers.strategies.heuristic;
     let dispersive = if multipliers.has_specular {
         path.dispersive_count()
     } else {
@@ -340,7 +341,7 @@ fn terms(
     }
     let mut own = 0.0;
     for_each_term(multipliers, |technique, value| {
-        if delivers_to_all(path, dispersive, technique) {
+        if serves_all_lanes(path, dispersive, technique) {
             out.shared += heuristic.power(value);
         } else {
             own += heuristic.power(value);
@@ -383,11 +384,11 @@ fn add_columns(
             suffix[i] = suffix[i + 1] * path.pr_lane(i, k) / generated(i);
         }
         let mut add = |technique: Technique, value: f64| {
-            let value = multipliers.techniques.heuristic.power(value);
+            let value = multipliers.strategies.heuristic.power(value);
             if value == 0.0 {
                 return;
             }
-            if delivers_to_all(path, dispersive, technique) {
+            if serves_all_lanes(path, dispersive, technique) {
                 out.shared += value;
             } else {
                 for j in
@@ -407,10 +408,10 @@ fn add_columns(
             };
             add(
                 Join(technique),
-                multipliers.of(technique) * first * prefix * behind,
+                multipliers.of(Join(technique)) * first * prefix * behind,
             );
             if technique >= 1 && technique < n {
-                let merging = multipliers.merging(technique);
+                let merging = multipliers.of(Merge(technique));
                 if merging > 0.0 {
                     add(
                         Merge(technique),

@@ -16,8 +16,8 @@ pub mod photons;
 #[cfg(test)]
 pub mod record;
 pub mod regularize;
+pub mod strategies;
 pub mod subpath;
-pub mod techniques;
 pub mod throughput;
 pub mod walk;
 
@@ -26,6 +26,6 @@ pub use contribution::{Contribution, Target};
 pub use density::{Edge, PathView, VertexDensity};
 pub use photons::{PhotonBuffer, PhotonMap};
 pub use regularize::Cone;
+pub use strategies::StrategySet;
 pub use subpath::Subpath;
-pub use techniques::Techniques;
 pub use throughput::Throughput;

@@ -4,12 +4,12 @@ use super::density::{Column, Edge, EdgeDensity, NO_COLUMN, PathView, VertexDensi
 use super::merge::{MergeSide, is_separable, merge_factors, side_terms};
 use super::mis::{Multipliers, Technique, denominator, for_each_term, merge_denominator};
 use super::regularize::Cone;
-use super::techniques::Techniques;
+use super::strategies::{Merge, MergeRule, StrategySet};
 use crate::bsdf::Label;
 use crate::math::hash::{random_bits, unit_f64};
-use crate::scene::Settings;
-use crate::scene::settings::{Heuristic, IntegratorKind, SingleRule};
+use crate::scene::settings::{Heuristic, SingleRule};
 use crate::spectrum::{MAX_LANES, SampledWavelengths, WavelengthDistribution};
+use std::collections::BTreeSet;
 
 /// All densities of a finished path, from both sides and for every lane.
 struct FullPath {
@@ -113,13 +113,17 @@ impl FullPath {
     }
 
     /// π r² N_L where merging at x_i is done.
-    fn merging(&self, techniques: &Techniques, i: usize) -> f64 {
+    fn merging(&self, strategies: &StrategySet, i: usize) -> f64 {
         let inner = 1..self.len() - 1;
         let last = inner.clone().rev().find(|&j| !self.specular[j]);
         let merges = inner.contains(&i)
             && !self.specular[i]
-            && (techniques.kind != IntegratorKind::Ppm || last == Some(i));
-        if merges { techniques.merging } else { 0.0 }
+            && (!strategies.merges_first_only() || last == Some(i));
+        if merges {
+            strategies.merge_samples()
+        } else {
+            0.0
+        }
     }
 
     fn is_mergeable(&self) -> bool {
@@ -209,25 +213,25 @@ impl FullPath {
     }
 
     /// `m₁(s)` by definition.
-    fn multiplier(&self, techniques: &Techniques, s: usize) -> f64 {
+    fn multiplier(&self, strategies: &StrategySet, s: usize) -> f64 {
         let n = self.len();
         let plain = |s: usize| {
             let r = self.regularized(s);
-            let cone = match techniques.cone {
+            let cone = match strategies.cone {
                 Some(cone) => cone.area.powi(r),
                 None if r > 0 => 0.0,
                 None => 1.0,
             };
-            techniques.samples(s, n - s, r > 0) * cone
+            strategies.samples(Technique::Join(s), n, r > 0) * cone
         };
         let possible: Vec<usize> = (0..=n)
             .filter(|&s| plain(s) > 0.0 && (s > 0 || self.hittable_light))
             .collect();
         let unbiased = possible.iter().any(|&s| self.regularized(s) == 0)
-            || techniques.merging > 0.0 && self.is_mergeable();
-        let preference = match techniques.single.filter(|_| techniques.cone.is_some()) {
-            None if unbiased && techniques.cone.is_some() => {
-                techniques.bias_weight.powi(self.regularized(s))
+            || strategies.merge_samples() > 0.0 && self.is_mergeable();
+        let preference = match strategies.single.filter(|_| strategies.cone.is_some()) {
+            None if unbiased && strategies.cone.is_some() => {
+                strategies.bias_weight.powi(self.regularized(s))
             }
             None => 1.0,
             Some(_) if unbiased => f64::from(u8::from(self.regularized(s) == 0)),
@@ -247,61 +251,93 @@ impl FullPath {
                 f64::from(u8::from(candidates.last() == Some(&s)))
             }
         };
-        let forbidden = techniques.kind.only_merges() && self.is_mergeable();
+        let forbidden = strategies.merges_alone() && self.is_mergeable();
         plain(s) * preference * f64::from(u8::from(!forbidden))
     }
 }
 
-fn random_settings(random: &mut Random, n: usize) -> Settings {
-    let mut settings = Settings {
-        pair_probability: 0.05 + 0.95 * random.next(),
-        ..Settings::default()
-    };
-    if random.next() < 0.3 {
-        settings.heuristic = Heuristic::Power2;
+/// Every strategy, executed by the pixel.
+fn every(disabled: &BTreeSet<(u32, u32)>) -> StrategySet<'_> {
+    StrategySet {
+        hits: true,
+        direct: true,
+        direct_to_detector: true,
+        splats: true,
+        arrivals: true,
+        pairs: 1.0,
+        merge: None,
+        heuristic: Heuristic::Balance,
+        splat_samples: 1.0,
+        hittable_sensor: true,
+        cone: None,
+        single: None,
+        bias_weight: 1.0,
+        disabled,
     }
-    for s in 0..=n {
-        if random.next() < 0.15 {
-            settings.disabled.insert((s as u32, (n - s) as u32));
-        }
-    }
-    settings.integrator = match (random.next() * 8.0) as u32 {
-        0 => IntegratorKind::Path,
-        1 => IntegratorKind::Light,
-        2 | 3 => IntegratorKind::Vcm,
-        4 => IntegratorKind::Bpm,
-        5 => IntegratorKind::Ppm,
-        _ => IntegratorKind::Bdpt,
-    };
-    settings
 }
 
-fn random_techniques<'a>(random: &mut Random, settings: &'a Settings) -> Techniques<'a> {
-    let mut techniques = Techniques::new(settings, 0.01 + random.next(), random.next() < 0.5);
+fn random_disabled(random: &mut Random, n: usize) -> BTreeSet<(u32, u32)> {
+    let all = (0..=n).map(|s| (s as u32, (n - s) as u32));
+    all.filter(|_| random.next() < 0.15).collect()
+}
+
+/// Any strategies at all, of more kinds than integrators execute.
+fn random_strategies<'a>(
+    random: &mut Random,
+    disabled: &'a BTreeSet<(u32, u32)>,
+) -> StrategySet<'a> {
+    let mut strategies = every(disabled);
+    strategies.splat_samples = 0.01 + random.next();
+    strategies.hittable_sensor = random.next() < 0.5;
+    for executed in [
+        &mut strategies.hits,
+        &mut strategies.direct,
+        &mut strategies.direct_to_detector,
+        &mut strategies.splats,
+        &mut strategies.arrivals,
+    ] {
+        *executed = random.next() < 0.7;
+    }
+    strategies.pairs = if random.next() < 0.6 {
+        0.05 + 0.95 * random.next()
+    } else {
+        0.0
+    };
+    if random.next() < 0.3 {
+        strategies.heuristic = Heuristic::Power2;
+    }
     if random.next() < 0.7 {
         // from 1e-8 to π/2
         let log = random.next();
-        techniques.cone = Some(Cone::new(
+        strategies.cone = Some(Cone::new(
             1e-8_f64.powf(log) * std::f64::consts::FRAC_PI_2.powf(1.0 - log),
         ));
     }
-    if settings.integrator.merges() {
-        techniques.merging = random.density();
+    if random.next() < 0.5 {
+        strategies.merge = Some(Merge {
+            samples: random.density(),
+            rule: if random.next() < 0.7 {
+                MergeRule::Every
+            } else {
+                MergeRule::FirstFromSensor
+            },
+            alone: random.next() < 0.5,
+        });
     }
     match (random.next() * 8.0) as u32 {
-        0 => techniques.single = Some(SingleRule::ShortestEdge),
-        1 => techniques.single = Some(SingleRule::Camera),
-        2 => techniques.single = Some(SingleRule::Light),
-        3 | 4 => techniques.bias_weight = 0.01 + 0.99 * random.next(),
+        0 => strategies.single = Some(SingleRule::ShortestEdge),
+        1 => strategies.single = Some(SingleRule::Camera),
+        2 => strategies.single = Some(SingleRule::Light),
+        3 | 4 => strategies.bias_weight = 0.01 + 0.99 * random.next(),
         _ => {}
     }
-    techniques
+    strategies
 }
 
 /// `D_j · P̃_s(hero)` by definition: every technique (s', k) that delivers to lane j.
 fn denominator_by_definition(
     path: &FullPath,
-    techniques: &Techniques,
+    strategies: &StrategySet,
     wavelengths: &SampledWavelengths,
     j: usize,
 ) -> f64 {
@@ -316,8 +352,8 @@ fn denominator_by_definition(
     for s in 0..=n {
         for k in 0..wavelengths.count() {
             if !scattered(s) || wavelengths.lambda_nm(k) == wavelengths.lambda_nm(j) {
-                let term = path.multiplier(techniques, s) * path.density(s, k);
-                sum += match techniques.heuristic {
+                let term = path.multiplier(strategies, s) * path.density(s, k);
+                sum += match strategies.heuristic {
                     Heuristic::Balance => term,
                     Heuristic::Power2 => term * term,
                 };
@@ -328,8 +364,8 @@ fn denominator_by_definition(
     for i in 1..n - 1 {
         for k in 0..wavelengths.count() {
             if !disperses || wavelengths.lambda_nm(k) == wavelengths.lambda_nm(j) {
-                let term = path.merging(techniques, i) * path.merge_density(i, k);
-                sum += match techniques.heuristic {
+                let term = path.merging(strategies, i) * path.merge_density(i, k);
+                sum += match strategies.heuristic {
                     Heuristic::Balance => term,
                     Heuristic::Power2 => term * term,
                 };
@@ -342,13 +378,13 @@ fn denominator_by_definition(
 /// The largest relative error of the constant-time sums for merging at x_i against the walk over the whole path.
 fn merge_error(
     path: &FullPath,
-    techniques: &Techniques,
+    strategies: &StrategySet,
     wavelengths: &SampledWavelengths,
     i: usize,
 ) -> f64 {
     path.seen_by(i + 1, |view| {
         let expected = merge_denominator(
-            &Multipliers::new(view, techniques),
+            &Multipliers::new(view, strategies),
             wavelengths,
             &mut Vec::new(),
         );
@@ -356,14 +392,14 @@ fn merge_error(
         sensor.push(VertexDensity::new(path.pr[i][0]));
         let direct = path.direct / path.pf[0][0];
         let side = MergeSide::Light { direct };
-        let mut light = side_terms(view.light, path.pr[i - 1][0], side, techniques);
+        let mut light = side_terms(view.light, path.pr[i - 1][0], side, strategies);
         // as they are stored
         for sum in [&mut light.first, &mut light.rest, &mut light.rest_shared] {
             *sum = f64::from(*sum as f32);
         }
         let factor = path.pf[i + 1][0];
-        let sensor = side_terms(&sensor, factor, MergeSide::Sensor, techniques);
-        let found = merge_factors(&light, &sensor, (1.0, 1.0), techniques, wavelengths);
+        let sensor = side_terms(&sensor, factor, MergeSide::Sensor, strategies);
+        let found = merge_factors(&light, &sensor, (1.0, 1.0), strategies, wavelengths);
         (0..wavelengths.count())
             .map(|j| (found[j] / expected.factor(j) - 1.0).abs())
             .fold(0.0, f64::max)
@@ -389,8 +425,8 @@ fn check(
         let span = (lengths.end() - lengths.start() + 1) as f64;
         let n = lengths.start() + (random.next() * span) as usize;
         let path = random_path(&mut random, n, columns, zeros);
-        let settings = random_settings(&mut random, n);
-        let techniques = random_techniques(&mut random, &settings);
+        let disabled = random_disabled(&mut random, n);
+        let strategies = random_strategies(&mut random, &disabled);
         let count = [1, 4, 8][(random.next() * 3.0) as usize];
         let distribution = if random.next() < 0.3 {
             &lines
@@ -402,12 +438,12 @@ fn check(
         let mut possible = 0;
         for s in 0..=n {
             path.seen_by(s, |view| {
-                let multipliers = Multipliers::new(view, &techniques);
-                let own = path.multiplier(&techniques, s);
+                let multipliers = Multipliers::new(view, &strategies);
+                let own = path.multiplier(&strategies, s);
                 if path.density(s, 0) == 0.0 {
                     return;
                 }
-                let found = multipliers.of(s);
+                let found = multipliers.of(Technique::Join(s));
                 assert!(
                     found == own || (found / own - 1.0).abs() < 1e-12,
                     "m({s}) is {found:e}, not {own:e}"
@@ -422,13 +458,13 @@ fn check(
                 let all = denominator(&multipliers, &wavelengths, &mut Vec::new());
                 for j in 0..count {
                     let base = path.density(s, 0);
-                    let base = if techniques.heuristic == Heuristic::Power2 {
+                    let base = if strategies.heuristic == Heuristic::Power2 {
                         base * base
                     } else {
                         base
                     };
                     let expected =
-                        denominator_by_definition(&path, &techniques, &wavelengths, j) / base;
+                        denominator_by_definition(&path, &strategies, &wavelengths, j) / base;
                     let found = all.shared + all.own[j];
                     if expected > 0.0 || found > 0.0 {
                         worst_lane = worst_lane.max((found / expected - 1.0).abs());
@@ -437,26 +473,26 @@ fn check(
             });
         }
         for i in 1..n - 1 {
-            let (own, base) = (path.merging(&techniques, i), path.density(i + 1, 0));
+            let (own, base) = (path.merging(&strategies, i), path.density(i + 1, 0));
             if own == 0.0 || path.merge_density(i, 0) == 0.0 {
                 continue;
             }
             merges += 1;
             possible += 1;
             path.seen_by(i + 1, |view| {
-                let multipliers = Multipliers::new(view, &techniques);
+                let multipliers = Multipliers::new(view, &strategies);
                 let mut total = 0.0;
                 for_each_term(&multipliers, |_, term| total += term);
                 weight_sum += own * path.pr[i][0] / total;
                 let all = merge_denominator(&multipliers, &wavelengths, &mut Vec::new());
                 for j in [0, count - 1] {
-                    let expected = denominator_by_definition(&path, &techniques, &wavelengths, j);
-                    let expected = expected / techniques.heuristic.power(base);
+                    let expected = denominator_by_definition(&path, &strategies, &wavelengths, j);
+                    let expected = expected / strategies.heuristic.power(base);
                     worst_lane = worst_lane.max(((all.shared + all.own[j]) / expected - 1.0).abs());
                 }
             });
-            if !columns && is_separable(&techniques) {
-                worst_merge = worst_merge.max(merge_error(&path, &techniques, &wavelengths, i));
+            if !columns && is_separable(&strategies) {
+                worst_merge = worst_merge.max(merge_error(&path, &strategies, &wavelengths, i));
             }
         }
         executed_strategies += possible;
@@ -500,13 +536,13 @@ fn a_planted_error_is_seen() {
     let mut random = Random { key: 4, counter: 0 };
     let mut path = random_path(&mut random, 5, false, 0.0);
     path.specular.fill(false);
-    let settings = Settings::default();
-    let techniques = Techniques::new(&settings, 1.0, true);
+    let none = BTreeSet::new();
+    let strategies = every(&none);
     let weight_sum = |planted: Option<usize>| {
         let mut sum = 0.0;
         for s in 0..=5 {
             path.seen_by(s, |view| {
-                let multipliers = Multipliers::new(view, &techniques);
+                let multipliers = Multipliers::new(view, &strategies);
                 let mut total = 0.0;
                 for_each_term(&multipliers, |i, term| {
                     total += if planted.is_some_and(|s| Technique::Join(s) == i) {
@@ -515,7 +551,7 @@ fn a_planted_error_is_seen() {
                         term
                     };
                 });
-                sum += multipliers.of(s) / total;
+                sum += multipliers.of(Technique::Join(s)) / total;
             });
         }
         sum

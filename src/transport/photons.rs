@@ -11,8 +11,8 @@ use super::connect::Receiver;
 use super::context::PathContext;
 use super::density::NO_COLUMN;
 use super::merge::{MergeSide, SideTerms, side_terms};
+use super::strategies::StrategySet;
 use super::subpath::Subpath;
-use super::techniques::Techniques;
 use glam::DVec3;
 
 /// Bits of the number of a sub-path: a film has at most 2^28 pixels.
@@ -200,7 +200,7 @@ impl PhotonBuffer {
     pub fn add(
         &mut self,
         context: &PathContext,
-        techniques: &Techniques,
+        strategies: &StrategySet,
         light: &Subpath,
         path: u32,
     ) {
@@ -229,7 +229,7 @@ impl PhotonBuffer {
                     receiver.factor(vertex.distance)
                 });
                 let densities = &light.densities[..i + 2];
-                let terms = side_terms(densities, factor, MergeSide::Light { direct }, techniques);
+                let terms = side_terms(densities, factor, MergeSide::Light { direct }, strategies);
                 let columns = if columns { COLUMNS } else { 0 };
                 self.push(
                     vertex.p - context.scene.center,

@@ -1,8 +1,8 @@
 //! Test hook: what the strategies of this thread's samples say of the paths they made.
 
 use super::density::{Column, PathView};
-use super::mis::{Multipliers, for_each_term};
-use super::techniques::Techniques;
+use super::mis::{Multipliers, Technique, for_each_term};
+use super::strategies::StrategySet;
 use crate::geometry::Ray;
 use crate::spectrum::MAX_LANES;
 use std::cell::RefCell;
@@ -41,7 +41,7 @@ pub fn take() -> Vec<Recorded> {
     RECORDS.replace(Some(Vec::new())).unwrap_or_default()
 }
 
-pub(super) fn record(view: &PathView, techniques: &Techniques, segment: Option<&Ray>) {
+pub(super) fn record(view: &PathView, strategies: &StrategySet, segment: Option<&Ray>) {
     RECORDS.with_borrow_mut(|records| {
         let Some(records) = records else { return };
         let n = view.len();
@@ -54,7 +54,7 @@ pub(super) fn record(view: &PathView, techniques: &Techniques, segment: Option<&
             lanes
         };
         let mut sum = 0.0;
-        let multipliers = Multipliers::new(view, techniques);
+        let multipliers = Multipliers::new(view, strategies);
         for_each_term(&multipliers, |_, term| sum += term);
         records.push(Recorded {
             s,
@@ -64,8 +64,10 @@ pub(super) fn record(view: &PathView, techniques: &Techniques, segment: Option<&
             direct: view.direct,
             specular: (0..n).map(|i| view.is_specular(i)).collect(),
             dispersive: (0..n).map(|i| view.is_dispersive(i)).collect(),
-            multipliers: (0..=n).map(|i| multipliers.of(i)).collect(),
-            weight: multipliers.of(s) / sum,
+            multipliers: (0..=n)
+                .map(|i| multipliers.of(Technique::Join(i)))
+                .collect(),
+            weight: multipliers.of(Technique::Join(s)) / sum,
             segment: segment.copied(),
         });
     });

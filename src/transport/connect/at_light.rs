@@ -119,13 +119,13 @@ impl Joiner<'_> {
                 (vertex.p, vertex.cos(leaving), 1.0)
             }
             None => {
-                let hittable = f64::from(u8::from(self.techniques.hittable_sensor));
+                let hittable = f64::from(u8::from(self.strategies.hittable_sensor));
                 (camera.origin.p, camera.origin.cos(leaving), hittable)
             }
         };
         let (pf0, direction) = self.emission(id, x0, leaving);
         let pf1 = direction.area_density(cos, arrival.distance * arrival.distance);
-        let direct = if t == 2 && !self.techniques.hittable_sensor {
+        let direct = if t == 2 && !self.strategies.hittable_sensor {
             // strategy (1, 1) of an image camera splats starts on area lights only
             if self.light(id).hit_measure() == HitMeasure::Area {
                 pf0
@@ -225,7 +225,7 @@ impl Joiner<'_> {
     ///
     /// [`CameraSample::weight`]: crate::camera::CameraSample::weight
     pub fn direct_to_detector(&mut self, camera: &Subpath, weight: f64) {
-        if !self.wants(1, 1) || !self.techniques.hittable_sensor {
+        if !self.wants(1, 1) || !self.strategies.hittable_sensor {
             return;
         }
         let x_sensor = camera.origin;

@@ -2,7 +2,6 @@
 
 use super::Joiner;
 use crate::bsdf::BsdfEval;
-use crate::scene::settings::IntegratorKind;
 use crate::spectrum::MAX_LANES;
 use crate::transport::class::PathClass;
 use crate::transport::context::Counters;
@@ -43,7 +42,7 @@ impl Joiner<'_> {
     /// Merges camera vertex `j` with all photons near it.
     pub fn gather(&mut self, photons: &mut Photons, camera: &Subpath, j: usize) {
         let vertex = &camera.vertices[j];
-        let first_only = self.techniques.kind == IntegratorKind::Ppm;
+        let first_only = self.strategies.merges_first_only();
         let specular = |i: usize| camera.densities[i + 1].label.is_specular();
         if j + 1 > self.max_depth
             || !vertex.has_non_specular
@@ -54,11 +53,11 @@ impl Joiner<'_> {
         }
         let own = &camera.densities[..j + 2];
         let factor = self.before_factor(camera, j);
-        let sensor = side_terms(own, factor, MergeSide::Sensor, self.techniques);
+        let sensor = side_terms(own, factor, MergeSide::Sensor, self.strategies);
         let columns = own.iter().any(|v| v.own_column != NO_COLUMN)
             || own[..j].iter().any(|v| v.other_column != NO_COLUMN);
-        let whole = columns || !is_separable(self.techniques);
-        let count = self.context.count();
+        let whole = columns || !is_separable(self.strategies);
+        let (count, samples) = (self.context.count(), self.strategies.merge_samples());
         let scatterer = camera.scatterer(j, self.context);
         let (map, accepts) = (photons.map, photons.accepts);
         let (mut found, mut sum) = (false, [0.0; MAX_LANES]);
@@ -82,7 +81,7 @@ impl Joiner<'_> {
                 self.whole_path_factors(photons.retraced, depth, (camera, j), &eval)
             } else {
                 let toward = (eval.pdf_light, eval.pdf_camera);
-                let (own, waves) = (self.techniques, self.context.wavelengths());
+                let (own, waves) = (self.strategies, self.context.wavelengths());
                 merge_factors(&terms, &sensor, toward, own, waves)
             };
             let scale = vertex.throughput.scale * vertex.light_side_correction(w);
@@ -102,7 +101,11 @@ impl Joiner<'_> {
                 (0..j).rev().for_each(|i| class.push(specular(i)));
                 let whole_set = !sensor.dispersive && !terms.dispersive;
                 self.out.push(Contribution {
-                    raw: self.raw_merge(&values, whole_set),
+                    raw: if self.with_raw {
+                        self.raw(|k| values[k], samples, whole_set, 1.0)
+                    } else {
+                        [0.0; MAX_LANES]
+                    },
                     s: depth as u32 + 2,
                     class,
                     ..merged(lanes, j)
@@ -117,23 +120,6 @@ impl Joiner<'_> {
         if found {
             self.out.push(merged(sum, j));
         }
-    }
-
-    /// What merging alone would estimate.
-    fn raw_merge(&self, values: &[f64; MAX_LANES], whole_set: bool) -> [f64; MAX_LANES] {
-        let mut raw = [0.0; MAX_LANES];
-        if self.with_raw {
-            let count = self.context.count();
-            for (k, raw) in raw.iter_mut().enumerate().take(count) {
-                let techniques = if whole_set {
-                    count
-                } else {
-                    self.context.wavelengths().multiplicity(k)
-                };
-                *raw = values[k] / (self.techniques.merging * techniques as f64);
-            }
-        }
-        raw
     }
 
     /// The factors of all lanes by the sum over the whole path: where densities differ between lanes, or techniques depend on more
@@ -174,7 +160,7 @@ impl Joiner<'_> {
             direct: light.direct,
             hittable_light: self.is_hittable(light.light),
         };
-        let multipliers = Multipliers::new(&view, self.techniques);
+        let multipliers = Multipliers::new(&view, self.strategies);
         let weights = merge_denominator(
             &multipliers,
             self.context.wavelengths(),

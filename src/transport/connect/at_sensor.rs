@@ -31,7 +31,7 @@ impl Joiner<'_> {
         let sensor = &self.context.scene.sensors[self.context.sensor];
         let (_, direction) = sensor.camera.density(&x_sensor, -toward, self.context.time);
         let start = EndStart::new(drawn.pdf_xk, Departure::Start(direction));
-        let receiver = Receiver::of_sensor(self.techniques.hittable_sensor, &x_sensor, toward);
+        let receiver = Receiver::of_sensor(self.strategies.hittable_sensor, &x_sensor, toward);
         let camera = End {
             drawn: true,
             weight: Throughput::splat(drawn.importance),
@@ -71,7 +71,7 @@ impl Joiner<'_> {
             return;
         };
         if !self.wants(1, 1)
-            || self.techniques.hittable_sensor
+            || self.strategies.hittable_sensor
             || self.light(id).hit_measure() != HitMeasure::Area
         {
             return;

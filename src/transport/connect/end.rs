@@ -171,7 +171,7 @@ impl Joiner<'_> {
             let (start, w) = (&path.origin, vertex.toward_previous);
             let receiver = match path.light {
                 Some(id) => Receiver::of_light(self.light(id), start, w),
-                None => Receiver::of_sensor(self.techniques.hittable_sensor, start, w),
+                None => Receiver::of_sensor(self.strategies.hittable_sensor, start, w),
             };
             receiver.factor(vertex.distance)
         })
@@ -233,7 +233,7 @@ impl Joiner<'_> {
 
     /// The same under the specular label of the two directions' sides, within the cone.
     pub(super) fn specular_label(&self, path: &Subpath, i: usize, w: DVec3) -> Option<EndLabel> {
-        let cone = self.techniques.cone.as_ref()?;
+        let cone = self.strategies.cone.as_ref()?;
         if !path.vertices[i].has_specular {
             return None;
         }

@@ -1,0 +1,75 @@
+//! The integrators: which strategies each executes. Nothing else knows their names.
+
+use crate::scene::Settings;
+use crate::scene::settings::IntegratorKind;
+use crate::transport::strategies::{Merge, MergeRule, StrategySet};
+
+/// The strategies that the settings of a render ask for, for one sensor, without regularization and before any photons.
+/// `splat_samples`: light sub-paths per pass / pixels of the full film.
+#[must_use]
+pub fn strategies(
+    settings: &Settings,
+    splat_samples: f64,
+    hittable_sensor: bool,
+) -> StrategySet<'_> {
+    let none = StrategySet {
+        hits: false,
+        direct: false,
+        direct_to_detector: false,
+        splats: false,
+        arrivals: false,
+        pairs: 0.0,
+        merge: None,
+        heuristic: settings.heuristic,
+        splat_samples,
+        hittable_sensor,
+        cone: None,
+        single: None,
+        bias_weight: 1.0,
+        disabled: &settings.disabled,
+    };
+    let every = StrategySet {
+        hits: true,
+        direct: true,
+        direct_to_detector: true,
+        splats: true,
+        arrivals: true,
+        pairs: settings.pair_probability,
+        ..none
+    };
+    let merge = |rule, alone| {
+        Some(Merge {
+            samples: 0.0,
+            rule,
+            alone,
+        })
+    };
+    // beside merging: paths that hit, and a detector's view of lights that cannot be hit
+    let merged_alone = |rule| StrategySet {
+        hits: true,
+        direct_to_detector: true,
+        arrivals: true,
+        merge: merge(rule, true),
+        ..none
+    };
+    match settings.integrator {
+        IntegratorKind::Path => StrategySet {
+            hits: true,
+            direct: true,
+            direct_to_detector: true,
+            ..none
+        },
+        IntegratorKind::Light => StrategySet {
+            splats: true,
+            arrivals: true,
+            ..none
+        },
+        IntegratorKind::Bdpt => every,
+        IntegratorKind::Vcm => StrategySet {
+            merge: merge(MergeRule::Every, false),
+            ..every
+        },
+        IntegratorKind::Bpm => merged_alone(MergeRule::Every),
+        IntegratorKind::Ppm => merged_alone(MergeRule::FirstFromSensor),
+    }
+}

@@ -1,0 +1,127 @@
+//! Which strategies are executed, and how many samples each takes.
+
+use super::mis::Technique;
+use super::regularize::Cone;
+use crate::scene::settings::{Heuristic, SingleRule};
+use std::collections::BTreeSet;
+
+/// At which vertices of a camera sub-path photons are merged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MergeRule {
+    /// At every non-specular vertex.
+    Every,
+    /// At the first non-specular vertex from the sensor.
+    FirstFromSensor,
+}
+
+/// Photon merging.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Merge {
+    /// π r² N_L, with N_L light sub-paths among whose photons a camera sub-path gathers; 0 in a pass without photons.
+    pub samples: f64,
+    /// Where.
+    pub rule: MergeRule,
+    /// Paths with a non-specular vertex are made by merging alone.
+    pub alone: bool,
+}
+
+/// The strategies of a pass: what enters the weights besides the path itself.
+#[derive(Clone, Copy, Debug)]
+pub struct StrategySet<'a> {
+    /// s = 0: camera sub-paths hit lights.
+    pub hits: bool,
+    /// s = 1, t >= 2: camera vertices are connected to lights.
+    pub direct: bool,
+    /// (1, 1) of a detector: its point is connected to a light.
+    pub direct_to_detector: bool,
+    /// t = 1: light vertices, and starts for image cameras, are connected to the sensor.
+    pub splats: bool,
+    /// t = 0: light sub-paths hit a detector.
+    pub arrivals: bool,
+    /// s, t >= 2: probability with which a pair of non-specular ends is tried; 0: never, those with a specular end neither.
+    pub pairs: f64,
+    /// Photon merging; `None`: never.
+    pub merge: Option<Merge>,
+    /// Balance or power heuristic.
+    pub heuristic: Heuristic,
+    /// `n_s` of t <= 1: light sub-paths per pass / pixels of the full film.
+    pub splat_samples: f64,
+    /// The sensor can be hit by light paths (a detector).
+    pub hittable_sensor: bool,
+    /// The regularization cone; `None`: specular vertices are not connectible.
+    pub cone: Option<Cone>,
+    /// Regularized strategies make only paths that no other makes, by this rule; `None`: they share all paths.
+    pub single: Option<SingleRule>,
+    /// β per regularized vertex on the weight, for paths that also have unbiased strategies.
+    pub bias_weight: f64,
+    /// Strategies (s, t) that are never executed.
+    pub disabled: &'a BTreeSet<(u32, u32)>,
+}
+
+impl StrategySet<'_> {
+    /// Whether any strategy takes vertices of camera sub-paths.
+    #[must_use]
+    pub fn wants_camera_walk(&self) -> bool {
+        self.hits || self.direct || self.pairs > 0.0 || self.merge.is_some()
+    }
+
+    /// Whether any strategy takes light sub-paths of the sample itself.
+    #[must_use]
+    pub fn wants_light_walk(&self) -> bool {
+        self.splats || self.pairs > 0.0 || self.arrivals && self.hittable_sensor
+    }
+
+    /// Whether camera sub-paths end at their first non-specular vertex: all that goes on from there is merged.
+    #[must_use]
+    pub fn ends_at_first_rough(&self) -> bool {
+        self.merge
+            .is_some_and(|m| m.alone && m.rule == MergeRule::FirstFromSensor)
+    }
+
+    /// Whether paths with a non-specular vertex are made by merging alone.
+    #[must_use]
+    pub fn merges_alone(&self) -> bool {
+        self.merge.is_some_and(|m| m.alone)
+    }
+
+    /// π r² N_L, 0 without merging.
+    #[must_use]
+    pub fn merge_samples(&self) -> f64 {
+        self.merge.map_or(0.0, |m| m.samples)
+    }
+
+    /// Whether merging is done at the first non-specular vertex from the sensor only.
+    #[must_use]
+    pub fn merges_first_only(&self) -> bool {
+        self.merge
+            .is_some_and(|m| m.rule == MergeRule::FirstFromSensor)
+    }
+
+    /// Expected number of times a technique is executed per pixel and pass for a path of `n` vertices that it joins at specular
+    /// vertices or not (`regularized`): 0 if never. For merging times π r².
+    ///
+    /// Strategy (1, 1) is a direct connection from the sensor to a light where the sensor is a detector; image cameras splat
+    /// the start of a light sub-path. Pairs with a specular end are always tried, since their cones reject nearly all of them.
+    #[must_use]
+    #[inline]
+    pub fn samples(&self, technique: Technique, n: usize, regularized: bool) -> f64 {
+        let Technique::Join(s) = technique else {
+            return self.merge_samples();
+        };
+        let t = n - s;
+        if !self.disabled.is_empty() && self.disabled.contains(&(s as u32, t as u32)) {
+            return 0.0;
+        }
+        let per_pixel = |executed: bool| if executed { 1.0 } else { 0.0 };
+        let per_light_path = |executed: bool| if executed { self.splat_samples } else { 0.0 };
+        match (s, t) {
+            (_, 0) => per_light_path(self.arrivals && self.hittable_sensor),
+            (0, _) => per_pixel(self.hits),
+            (1, 1) if self.hittable_sensor => per_pixel(self.direct_to_detector),
+            (_, 1) => per_light_path(self.splats),
+            (1, _) => per_pixel(self.direct),
+            _ if regularized => per_pixel(self.pairs > 0.0),
+            _ => self.pairs,
+        }
+    }
+}
