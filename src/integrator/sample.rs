@@ -210,6 +210,7 @@ pub(super) fn begin<'a>(
         media,
         time,
         response: response.at(&wavelengths),
+        wavelengths,
     };
     (sampler, context)
 }
@@ -267,12 +268,12 @@ pub fn sample_and_merge(
     if strategies.wants_camera_walk() {
         let eta2 = context.eta_squared(sensor.stack.medium());
         let hittable = frame.strategies.hittable_sensor;
-        let xk = start.xk;
+        let x_sensor = start.xk;
         walk(
             &context,
             camera,
             Start {
-                ray: Ray::leaving(xk.p, start.direction, context.time, xk.surface),
+                ray: Ray::leaving(x_sensor.p, start.direction, context.time, x_sensor.surface),
                 stack: sensor.stack.clone(),
                 throughput: Throughput::splat(start.weight).times(&eta2),
                 pdf: start.pdf_direction,
@@ -284,7 +285,8 @@ pub fn sample_and_merge(
             &mut sampler.stream(Stream::Camera),
             counters,
             |first: &Vertex| {
-                Receiver::of_sensor(hittable, &xk, first.toward_previous).factor(first.distance)
+                Receiver::of_sensor(hittable, &x_sensor, first.toward_previous)
+                    .factor(first.distance)
             },
         );
     }
@@ -375,7 +377,7 @@ pub(super) fn start_light(
     let light = &scene.lights[id.0 as usize];
     let Some(emission) = light.sample_emission(
         &context.light_context(),
-        context.wavelengths(),
+        &context.wavelengths,
         u_face,
         DVec2::new(u_x, u_y),
         DVec2::new(d_x, d_y),

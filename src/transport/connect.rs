@@ -111,7 +111,7 @@ impl<'a> Joiner<'a> {
         let multipliers = Multipliers::new(view, self.strategies);
         let weights = denominator(
             &multipliers,
-            self.context.wavelengths(),
+            &self.context.wavelengths,
             &mut self.scratch.suffix,
         );
         if weights.numerator == 0.0 && !self.with_raw {
@@ -190,7 +190,7 @@ impl<'a> Joiner<'a> {
             let heroes = if shared {
                 count
             } else {
-                self.context.wavelengths().multiplicity(j)
+                self.context.wavelengths.multiplicity(j)
             };
             *raw = value(j) / (samples * heroes as f64 * survival);
         }

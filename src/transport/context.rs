@@ -96,23 +96,19 @@ pub struct PathContext<'a> {
     pub pass: &'a PassSettings,
     /// Every medium of the scene at these wavelengths.
     pub media: &'a [MediumLanes],
-    /// Its moment, in seconds.
+    /// Time of this path, in seconds.
     pub time: f64,
-    /// Its wavelengths, and what their lanes add to the sensor's channels.
+    /// Wavelengths of its lanes.
+    pub wavelengths: SampledWavelengths,
+    /// Response of the sensor's channels to each lane.
     pub response: LaneResponse,
 }
 
 impl<'a> PathContext<'a> {
-    /// Its wavelengths.
-    #[must_use]
-    pub fn wavelengths(&self) -> &SampledWavelengths {
-        &self.response.wavelengths
-    }
-
     /// Lanes in use.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.wavelengths().count()
+        self.wavelengths.count()
     }
 
     /// Density of x₀ by direct sampling from `x1`, selection included.
@@ -154,8 +150,7 @@ impl<'a> PathContext<'a> {
         SampledSpectrum::from_fn(|j| (eta[j] * eta[j]) as f32)
     }
 
-    /// What is left of a segment that lies in `region`: 0 where something stands in the way, 1 where nothing does, and in
-    /// between where surfaces cover it in part.
+    /// Transmittance of a shadow segment that lies in `region`: 0 if occluded, in between where surfaces cover it partly.
     #[must_use]
     pub fn visibility(&self, ray: &Ray, region: &Region, counters: &mut Counters) -> f64 {
         counters.shadow_rays += 1;
@@ -179,10 +174,10 @@ impl<'a> PathContext<'a> {
     /// wavelength.
     #[must_use]
     pub fn hero_lanes(&self) -> SampledSpectrum {
-        let hero = self.wavelengths().lambda_nm(0);
+        let hero = self.wavelengths.lambda_nm(0);
         let n = self.count();
         SampledSpectrum::from_fn(|j| {
-            if j < n && self.wavelengths().lambda_nm(j) == hero {
+            if j < n && self.wavelengths.lambda_nm(j) == hero {
                 1.0
             } else {
                 0.0

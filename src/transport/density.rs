@@ -25,7 +25,7 @@ pub struct VertexDensity {
     pub own_column: u32,
     /// The same for `other`.
     pub other_column: u32,
-    /// Distance to the vertex generated before; infinite from a light at infinity. Only compared, so few digits do.
+    /// Distance to the vertex generated before; infinite from a light at infinity. f32 suffices: only compared.
     pub length: f32,
     /// What was drawn here (end points: non-specular).
     pub label: Label,

@@ -21,9 +21,58 @@ const PATH_BITS: u32 = 28;
 const DEPTH_BITS: u32 = 10;
 /// Labels kept for the class of a path; those of vertices farther from the light count as non-specular.
 const LABEL_BITS: u32 = 23;
-const DISPERSIVE: u64 = 1 << 61;
-const FIRST_SHARED: u64 = 1 << 62;
-const COLUMNS: u64 = 1 << 63;
+
+/// Identity and flags of a stored vertex, packed into 64 bits from the low end in the order of the fields.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Info {
+    /// Number of the sub-path.
+    path: u32,
+    /// Scattering vertices before this one.
+    depth: u32,
+    /// Bit i: vertex i of the sub-path is specular.
+    labels: u32,
+    /// [`SideTerms::dispersive`].
+    dispersive: bool,
+    /// [`SideTerms::first_shared`].
+    first_shared: bool,
+    /// Densities of the sub-path differ between lanes.
+    columns: bool,
+}
+
+impl Info {
+    fn pack(self) -> u64 {
+        let fields = [
+            (self.path, PATH_BITS),
+            (self.depth, DEPTH_BITS),
+            (self.labels, LABEL_BITS),
+            (self.dispersive.into(), 1),
+            (self.first_shared.into(), 1),
+            (self.columns.into(), 1),
+        ];
+        let mut shift = 0;
+        fields.into_iter().fold(0, |bits, (field, width)| {
+            let placed = u64::from(field) << shift;
+            shift += width;
+            bits | placed
+        })
+    }
+
+    fn unpack(mut bits: u64) -> Self {
+        let mut take = |width: u32| {
+            let field = bits & ((1 << width) - 1);
+            bits >>= width;
+            field as u32
+        };
+        Self {
+            path: take(PATH_BITS),
+            depth: take(DEPTH_BITS),
+            labels: take(LABEL_BITS),
+            dispersive: take(1) == 1,
+            first_shared: take(1) == 1,
+            columns: take(1) == 1,
+        }
+    }
+}
 
 /// Words of a record before its weight.
 const HEAD: usize = 7;
@@ -54,8 +103,8 @@ impl<'a> Photon<'a> {
         f32::from_bits(self.head[i]).into()
     }
 
-    fn info(&self) -> u64 {
-        u64::from(self.head[5]) | u64::from(self.head[6]) << 32
+    fn info(&self) -> Info {
+        Info::unpack(u64::from(self.head[5]) | u64::from(self.head[6]) << 32)
     }
 
     /// Its weight, per lane.
@@ -75,40 +124,41 @@ impl<'a> Photon<'a> {
     /// The terms of the techniques on its side.
     #[must_use]
     pub fn terms(&self) -> SideTerms {
+        let info = self.info();
         SideTerms {
             first: self.number(2),
             rest: self.number(3),
             rest_shared: self.number(4),
-            first_shared: self.info() & FIRST_SHARED != 0,
-            dispersive: self.info() & DISPERSIVE != 0,
+            first_shared: info.first_shared,
+            dispersive: info.dispersive,
         }
     }
 
     /// The number of its sub-path.
     #[must_use]
     pub fn path(&self) -> u32 {
-        (self.info() & ((1 << PATH_BITS) - 1)) as u32
+        self.info().path
     }
 
     /// Scattering vertices before it.
     #[must_use]
     pub fn depth(&self) -> usize {
-        (self.info() >> PATH_BITS) as usize & ((1 << DEPTH_BITS) - 1)
+        self.info().depth as usize
     }
 
     /// Whether densities of its sub-path differ between lanes, which its sums leave out.
     #[must_use]
     pub fn has_columns(&self) -> bool {
-        self.info() & COLUMNS != 0
+        self.info().columns
     }
 
     /// The labels of the vertices before it.
     #[must_use]
     pub fn class(&self) -> PathClass {
-        let labels = self.info() >> (PATH_BITS + DEPTH_BITS);
+        let info = self.info();
         let mut class = PathClass::new();
-        for i in 0..self.depth() {
-            class.push(i < LABEL_BITS as usize && labels & (1 << i) != 0);
+        for i in 0..info.depth {
+            class.push(i < LABEL_BITS && info.labels & (1 << i) != 0);
         }
         class
     }
@@ -175,7 +225,7 @@ impl PhotonBuffer {
         offset: DVec3,
         toward_previous: DVec3,
         terms: &SideTerms,
-        info: u64,
+        info: Info,
         weight: &[f32],
     ) {
         let single = |v: f64| (v as f32).min(f32::MAX);
@@ -187,9 +237,12 @@ impl PhotonBuffer {
             single(terms.rest),
             single(terms.rest_shared),
         ];
-        let flag = |on: bool, bit: u64| if on { bit } else { 0 };
-        let info =
-            info | flag(terms.dispersive, DISPERSIVE) | flag(terms.first_shared, FIRST_SHARED);
+        let info = Info {
+            dispersive: terms.dispersive,
+            first_shared: terms.first_shared,
+            ..info
+        }
+        .pack();
         self.positions.push(offset.as_vec3().to_array());
         self.records.extend(numbers.map(f32::to_bits));
         self.records.extend([info as u32, (info >> 32) as u32]);
@@ -208,7 +261,7 @@ impl PhotonBuffer {
         let source = &context.scene.lights[id.0 as usize];
         let direct = light.direct / light.densities[0].own;
         let count = context.count();
-        let (mut labels, mut columns) = (0_u64, false);
+        let (mut labels, mut columns) = (0_u32, false);
         for (i, vertex) in light.vertices.iter().enumerate().take(1 << DEPTH_BITS) {
             columns |= light.densities[i + 1].own_column != NO_COLUMN;
             if i >= 1 {
@@ -230,15 +283,17 @@ impl PhotonBuffer {
                 });
                 let densities = &light.densities[..i + 2];
                 let terms = side_terms(densities, factor, MergeSide::Light { direct }, strategies);
-                let columns = if columns { COLUMNS } else { 0 };
                 self.push(
                     vertex.p - context.scene.center,
                     vertex.toward_previous,
                     &terms,
-                    u64::from(path)
-                        | (i as u64) << PATH_BITS
-                        | labels << (PATH_BITS + DEPTH_BITS)
-                        | columns,
+                    Info {
+                        path,
+                        depth: i as u32,
+                        labels,
+                        columns,
+                        ..Info::default()
+                    },
                     &weight.0[..count],
                 );
             }
@@ -379,7 +434,7 @@ impl PhotonMap {
     pub fn for_each_near(&self, p: DVec3, mut f: impl FnMut(&Photon)) {
         let offset = p - self.center;
         let [x, y, z] = self.cell(offset - self.radius);
-        // all at once, so that the memory is waited for once
+        // look all eight buckets up first, so that their cache misses overlap
         let ranges: [(u32, u32); 8] = std::array::from_fn(|i| {
             let i = i as i64;
             let bucket = self.bucket([x + (i & 1), y + (i >> 1 & 1), z + (i >> 2)]);
@@ -413,7 +468,11 @@ mod tests {
         let mut buffer = PhotonBuffer::default();
         for i in 0..count {
             let offset = DVec3::from_array([0, 1, 2].map(|k| 4.0 * number(i, k) - 2.0));
-            let info = i as u64 | (i as u64 % 7) << PATH_BITS;
+            let info = Info {
+                path: i as u32,
+                depth: i as u32 % 7,
+                ..Info::default()
+            };
             buffer.push(
                 offset,
                 DVec3::Z,
@@ -461,6 +520,39 @@ mod tests {
     }
 
     #[test]
+    fn packing_keeps_every_field_at_its_largest() {
+        let info = Info {
+            path: (1 << PATH_BITS) - 1,
+            depth: (1 << DEPTH_BITS) - 1,
+            labels: (1 << LABEL_BITS) - 1,
+            dispersive: true,
+            first_shared: true,
+            columns: true,
+        };
+        assert_eq!(info.pack(), u64::MAX);
+        let one_clear = [
+            Info { path: 5, ..info },
+            Info { depth: 5, ..info },
+            Info { labels: 5, ..info },
+            Info {
+                dispersive: false,
+                ..info
+            },
+            Info {
+                first_shared: false,
+                ..info
+            },
+            Info {
+                columns: false,
+                ..info
+            },
+        ];
+        for info in one_clear {
+            assert_eq!(Info::unpack(info.pack()), info);
+        }
+    }
+
+    #[test]
     fn directions_sums_and_labels_survive_storage() {
         let random = (0..1000).map(|i| {
             let number = |k| 2.0 * unit_f64(random_bits(i, k)) - 1.0;
@@ -479,7 +571,11 @@ mod tests {
                 first_shared: w.x > 0.0,
                 dispersive: w.y > 0.0,
             };
-            let info = 3 << PATH_BITS | 0b101 << (PATH_BITS + DEPTH_BITS);
+            let info = Info {
+                depth: 3,
+                labels: 0b101,
+                ..Info::default()
+            };
             let mut buffer = PhotonBuffer::default();
             buffer.push(DVec3::ZERO, w, &terms, info, &[1.0]);
             let photon = Photon::new(&buffer.records).expect("a record");

@@ -148,7 +148,7 @@ pub struct SensorHit {
     /// How many scattering vertices came before.
     pub depth: usize,
     /// The point on the detector, as an end point.
-    pub xk: EndPoint,
+    pub x_sensor: EndPoint,
     /// Where on the film.
     pub raster: DVec2,
     /// `W_e` there.
@@ -292,7 +292,7 @@ impl Subpath {
         }
     }
 
-    /// What turns a density of direction at vertex `i` into a density of the vertex before it; `at_end` says so of the start.
+    /// Jacobian from solid angle at vertex `i` to the measure of the vertex before it; `at_end` gives it for the start.
     #[must_use]
     pub fn factor_before(&self, i: usize, at_end: impl FnOnce() -> f64) -> f64 {
         let vertex = &self.vertices[i];

@@ -88,7 +88,7 @@ pub fn walk(
         let distance = passed + hit.t;
         let through = |ray: &Ray| Ray::leaving(point.p, ray.d, ray.time, Some(point.id));
 
-        if object.covered && passes_uncovered(scene, &point, numbers) {
+        if object.covered && passes_through_opening(scene, &point, numbers) {
             ray = through(&ray);
             passed = distance;
             continue;
@@ -144,7 +144,7 @@ pub fn walk(
         let first_lobe = path.lobes.len();
         scene.materials[object.material.0 as usize].push_lobes(
             point.uv,
-            context.wavelengths(),
+            &context.wavelengths,
             &context.interface(&regions),
             &mut path.lobes,
         );
@@ -211,9 +211,13 @@ pub fn walk(
     }
 }
 
-/// Whether a walk goes straight on at a surface that covers only in part: with the probability of what it leaves open,
+/// Stochastic alpha test: whether a walk goes straight on at a surface that covers only in part, with the probability of what it leaves open,
 /// which is also the factor of the segment. Both cancel in the throughput, and weights leave them out on both sides.
-fn passes_uncovered(scene: &Scene, point: &SurfacePoint, numbers: &mut StreamSampler) -> bool {
+fn passes_through_opening(
+    scene: &Scene,
+    point: &SurfacePoint,
+    numbers: &mut StreamSampler,
+) -> bool {
     let coverage = scene.coverage(point);
     coverage == 0.0 || coverage < 1.0 && numbers.next4()[0] >= coverage
 }
@@ -289,7 +293,7 @@ fn record_sensor_hit(
     density.length = distance as f32;
     path.sensor_hits.push(SensorHit {
         depth: path.vertices.len(),
-        xk: EndPoint {
+        x_sensor: EndPoint {
             p: point.p,
             n: point.ng,
             surface: Some(point.id),

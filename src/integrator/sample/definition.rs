@@ -41,7 +41,7 @@ struct Finished<'a> {
     inner: Vec<Inner<'a>>,
     /// Which of the inner vertices are joined: there a specular label's direction need only be near the exact one.
     joined: Vec<bool>,
-    xk: EndPoint,
+    x_sensor: EndPoint,
 }
 
 /// The end of a connecting segment as an end point.
@@ -101,7 +101,7 @@ impl<'a> Finished<'a> {
         let (scene, sensor) = (context.scene, context.sensor);
         let (s, t) = (made.s, made.t);
         let (mut x0, mut id) = (light.origin, light.light);
-        let mut xk = camera.origin;
+        let mut x_sensor = camera.origin;
         let on_light = s.saturating_sub(1);
         let mut on_camera = t.saturating_sub(1);
         match (s, t) {
@@ -126,22 +126,22 @@ impl<'a> Finished<'a> {
                 }
             }
             (_, 0) => {
-                xk = light
+                x_sensor = light
                     .sensor_hits
                     .iter()
                     .find(|h| h.depth + 2 == s)
                     .unwrap()
-                    .xk;
+                    .x_sensor;
             }
             (1, 1) if !scene.sensors[sensor].camera.is_hittable() => {
-                xk = end_of(scene, made.segment.as_ref().unwrap());
+                x_sensor = end_of(scene, made.segment.as_ref().unwrap());
             }
             (1, _) => {
                 let segment = made.segment.as_ref().unwrap();
                 x0 = end_of(scene, segment);
                 id = Some(light_of(scene, segment));
             }
-            (_, 1) => xk = end_of(scene, made.segment.as_ref().unwrap()),
+            (_, 1) => x_sensor = end_of(scene, made.segment.as_ref().unwrap()),
             _ => {}
         }
         let on_light = if t == 0 { s - 2 } else { on_light };
@@ -160,9 +160,9 @@ impl<'a> Finished<'a> {
             .collect();
         let of_camera = |i| vertex(camera, i, s > 0 && i + 1 == on_camera);
         inner.extend((0..on_camera).rev().map(of_camera));
-        if xk.n == DVec3::ZERO && t == 1 {
+        if x_sensor.n == DVec3::ZERO && t == 1 {
             // a lens is no surface of the scene: its points share their normal
-            xk.n = camera.origin.n;
+            x_sensor.n = camera.origin.n;
         }
         let joined = (0..inner.len())
             .map(|i| s > 0 && t > 0 && (i + 1 == s || i + 2 == s))
@@ -174,7 +174,7 @@ impl<'a> Finished<'a> {
             x0,
             inner,
             joined,
-            xk,
+            x_sensor,
         };
         for i in 0..path.inner.len() {
             if path.joined[i] && made.specular[i + 1] {
@@ -197,7 +197,7 @@ impl<'a> Finished<'a> {
     fn position(&self, i: usize) -> DVec3 {
         match i {
             0 => self.x0.p,
-            _ if i + 1 == self.len() => self.xk.p,
+            _ if i + 1 == self.len() => self.x_sensor.p,
             _ => self.inner[i - 1].vertex.p,
         }
     }
@@ -218,7 +218,7 @@ impl<'a> Finished<'a> {
     fn cos(&self, i: usize, w: DVec3) -> f64 {
         match i {
             0 => self.x0.cos(w),
-            _ if i + 1 == self.len() => self.xk.cos(w),
+            _ if i + 1 == self.len() => self.x_sensor.cos(w),
             _ => self.inner[i - 1].vertex.cos(w),
         }
     }
@@ -274,7 +274,7 @@ impl<'a> Finished<'a> {
         let next = direction.area_density(self.cos(1, self.forward(0)), self.d2(0));
         pf[1] = [next * if n == 2 { self.hittable() } else { 1.0 }; MAX_LANES];
 
-        let (position, direction) = camera.density(&self.xk, -self.forward(n - 2), 0.0);
+        let (position, direction) = camera.density(&self.x_sensor, -self.forward(n - 2), 0.0);
         pr[n - 1] = [position; MAX_LANES];
         let to_light = match light.hit_measure() {
             HitMeasure::Area => self.cos(0, self.forward(0)) / self.d2(0),
@@ -387,7 +387,7 @@ impl<'a> Finished<'a> {
                 "the light itself is no point to be seen"
             );
             // (a lens has its own view from each of its points)
-            if self.xk.n == DVec3::ZERO {
+            if self.x_sensor.n == DVec3::ZERO {
                 let margin = self.scene.sensors[self.sensor].filter.margin();
                 let seen = camera.sample_connection(self.position(n - 2), DVec2::ZERO, 0.0, margin);
                 assert!(seen.is_some(), "x{} is not seen", n - 2);

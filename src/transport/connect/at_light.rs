@@ -53,7 +53,7 @@ impl Joiner<'_> {
         let radiance = self.light(hit.light).radiance(
             &point,
             vertex.toward_previous,
-            self.context.wavelengths(),
+            &self.context.wavelengths,
         );
         if radiance.is_black(self.context.count()) {
             return;
@@ -83,7 +83,7 @@ impl Joiner<'_> {
             let radiance = self.light(id).escaped_radiance(
                 escape.direction,
                 self.context.time,
-                self.context.wavelengths(),
+                &self.context.wavelengths,
             );
             if radiance.is_black(self.context.count()) {
                 continue;
@@ -166,7 +166,7 @@ impl Joiner<'_> {
         let (id, probability, u0) = self.context.scene.selection.sample(u[0])?;
         let sample = self.light(id).sample_direct(
             &self.context.light_context(),
-            self.context.wavelengths(),
+            &self.context.wavelengths,
             p,
             u0,
             DVec2::new(u[1], u[2]),

@@ -81,7 +81,7 @@ impl Joiner<'_> {
                 self.whole_path_factors(photons.retraced, depth, (camera, j), &eval)
             } else {
                 let toward = (eval.pdf_light, eval.pdf_camera);
-                let (own, waves) = (self.strategies, self.context.wavelengths());
+                let (own, waves) = (self.strategies, &self.context.wavelengths);
                 merge_factors(&terms, &sensor, toward, own, waves)
             };
             let scale = vertex.throughput.scale * vertex.light_side_correction(w);
@@ -163,7 +163,7 @@ impl Joiner<'_> {
         let multipliers = Multipliers::new(&view, self.strategies);
         let weights = merge_denominator(
             &multipliers,
-            self.context.wavelengths(),
+            &self.context.wavelengths,
             &mut self.scratch.suffix,
         );
         for (k, factor) in factors.iter_mut().enumerate().take(self.context.count()) {

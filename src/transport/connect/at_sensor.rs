@@ -96,7 +96,7 @@ impl Joiner<'_> {
         };
         let radiance = self
             .light(id)
-            .radiance(&point, toward, context.wavelengths());
+            .radiance(&point, toward, &context.wavelengths);
         if radiance.is_black(context.count()) || light.region.medium != self.sensor_medium() {
             return;
         }
@@ -128,7 +128,7 @@ impl Joiner<'_> {
         let (pdf_xk, direction_density) =
             sensor
                 .camera
-                .density(&hit.xk, hit.toward_previous, self.context.time);
+                .density(&hit.x_sensor, hit.toward_previous, self.context.time);
         // x_{k-1}: the last light vertex, or x₀
         let (before, direct) = match hit.depth.checked_sub(1) {
             Some(i) => {
@@ -143,7 +143,8 @@ impl Joiner<'_> {
                 let receiver = Receiver::of_light(self.light(id), &light.origin, toward);
                 (
                     direction_density.area_density(1.0, 1.0) * receiver.factor(hit.distance),
-                    self.context.direct_density(id, hit.xk.p, &light.origin),
+                    self.context
+                        .direct_density(id, hit.x_sensor.p, &light.origin),
                 )
             }
         };
