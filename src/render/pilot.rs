@@ -38,11 +38,7 @@ pub fn roulette_threshold(frame: &Frame, cone: Option<Cone>, response: SensorRes
     let mut sum = 0.0;
     for pixel in lattice(&frame.scene.sensors[frame.sensor].whole_film()) {
         let response = sample_pixel(frame, &pass, pixel, response, &mut workspace);
-        for contribution in workspace
-            .contributions
-            .iter()
-            .filter(|c| c.class.depth() > 0)
-        {
+        for contribution in workspace.contributions.iter().filter(|c| c.s + c.t > 2) {
             sum += response.brightness(&contribution.lanes);
         }
     }

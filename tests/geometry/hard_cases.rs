@@ -84,11 +84,7 @@ fn slivers_leave_no_gap() {
         } else {
             x((u * f64::from(STRIPS)) as u32).max(1e-6)
         };
-        let ray = Ray::new(
-            dvec3(u, 0.999 * random.unit() + 5e-4, 2.0),
-            DVec3::NEG_Z,
-            0.0,
-        );
+        let ray = Ray::new(dvec3(u, 0.999 * random.unit() + 5e-4, 2.0), DVec3::NEG_Z);
         let t = accel.at(0.0).closest(&ray, |_| true).map(|h| h.t);
         assert!(t.is_some_and(|t| (t - 2.0).abs() < 1e-12), "{ray:?}: {t:?}");
     }
