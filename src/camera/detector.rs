@@ -6,19 +6,15 @@
 
 use super::{CameraSample, Resolution, SensorConnection};
 use crate::geometry::{
-    DirectionalDensity, EndPoint, InstanceId, SurfaceId, SurfacePoint, Transform,
+    DirectionalDensity, EndPoint, InstanceId, Placement, SurfaceId, SurfacePoint,
 };
 use crate::math::{frame::Frame, sampling};
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
 /// A rectangular detector.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Detector {
-    /// From the square -1..1 in the plane z = 0 to the world: also the transform of its `Quad` instance.
-    pub transform: Transform,
-    /// Pixels; the pitch follows from the size.
-    pub resolution: Resolution,
     /// Whether light goes on unchanged after it is measured. Otherwise the detector absorbs it, on both sides.
     pub transparent: bool,
     /// Its surface in the scene, set when the scene is built.
@@ -37,38 +33,25 @@ struct Rectangle {
     area: f64,
 }
 
-impl Detector {
-    /// An absorbing detector of `width_m` × `height_m` metres (> 0) at rest: centred on the origin of the rigid motion
-    /// `pose`, u along its x axis and v along its y axis.
-    #[must_use]
-    pub fn new(pose: DAffine3, width_m: f64, height_m: f64, resolution: Resolution) -> Self {
-        let scale = DVec3::new(0.5 * width_m, 0.5 * height_m, 1.0);
-        let transform = Transform::fixed(pose * DAffine3::from_scale(scale));
-        Self {
-            transform,
-            resolution,
-            transparent: false,
-            instance: None,
-        }
-    }
-
-    /// Area in m² at `time`.
-    #[must_use]
-    pub fn area(&self, time: f64) -> f64 {
-        self.rectangle(time).area
-    }
-
-    fn rectangle(&self, time: f64) -> Rectangle {
-        let map = self.transform.at(time).to_world;
+impl Rectangle {
+    fn new(placement: &Placement) -> Self {
+        let map = placement.to_world;
         let (u, v) = (map.matrix3.x_axis, map.matrix3.y_axis);
         let cross = u.cross(v);
-        Rectangle {
+        Self {
             center: map.translation,
             u,
             v,
             n: cross.normalize(),
             area: 4.0 * cross.length(),
         }
+    }
+}
+
+impl Detector {
+    /// Area in m².
+    pub(super) fn area(placement: &Placement) -> f64 {
+        Rectangle::new(placement).area
     }
 
     fn end_point(&self, rectangle: &Rectangle, on_film: DVec2) -> EndPoint {
@@ -81,13 +64,19 @@ impl Detector {
         }
     }
 
-    pub(super) fn sample_ray(&self, raster: DVec2, u_lens: DVec2, time: f64) -> CameraSample {
-        let rectangle = self.rectangle(time);
+    pub(super) fn sample_ray(
+        &self,
+        placement: &Placement,
+        resolution: Resolution,
+        raster: DVec2,
+        u_lens: DVec2,
+    ) -> CameraSample {
+        let rectangle = Rectangle::new(placement);
         let local = sampling::cosine_hemisphere(u_lens.into());
         let direction = Frame::from_z(rectangle.n).to_outer(local).normalize();
         let pdf_direction = sampling::cosine_hemisphere_pdf(rectangle.n.dot(direction));
         CameraSample {
-            xk: self.end_point(&rectangle, self.resolution.raster_to_unit(raster)),
+            xk: self.end_point(&rectangle, resolution.raster_to_unit(raster)),
             direction,
             pdf_xk: 1.0 / rectangle.area,
             pdf_direction: DirectionalDensity::SolidAngle(pdf_direction),
@@ -97,13 +86,14 @@ impl Detector {
 
     pub(super) fn sample_connection(
         &self,
+        placement: &Placement,
+        resolution: Resolution,
         x: DVec3,
         u_lens: DVec2,
-        time: f64,
     ) -> Option<SensorConnection> {
-        let rectangle = self.rectangle(time);
-        let raster = u_lens * self.resolution.size();
-        let xk = self.end_point(&rectangle, self.resolution.raster_to_unit(raster));
+        let rectangle = Rectangle::new(placement);
+        let raster = u_lens * resolution.size();
+        let xk = self.end_point(&rectangle, resolution.raster_to_unit(raster));
         let distance = xk.p.distance(x);
         let cos = rectangle.n.dot(x - xk.p) / distance;
         (distance > 0.0 && cos > 0.0).then(|| SensorConnection {
@@ -117,17 +107,18 @@ impl Detector {
         })
     }
 
-    pub(super) fn density(&self, direction: DVec3, time: f64) -> (f64, DirectionalDensity) {
-        let rectangle = self.rectangle(time);
+    pub(super) fn density(placement: &Placement, direction: DVec3) -> (f64, DirectionalDensity) {
+        let rectangle = Rectangle::new(placement);
         let pdf = sampling::cosine_hemisphere_pdf(rectangle.n.dot(direction));
         (1.0 / rectangle.area, DirectionalDensity::SolidAngle(pdf))
     }
 
     pub(super) fn arrive(
         &self,
+        placement: &Placement,
+        resolution: Resolution,
         point: &SurfacePoint,
         toward_scene: DVec3,
-        time: f64,
     ) -> Option<(DVec2, f64)> {
         if self
             .instance
@@ -135,11 +126,11 @@ impl Detector {
         {
             return None;
         }
-        let rectangle = self.rectangle(time);
-        let local = self.transform.at(time).to_object.transform_point3(point.p);
+        let rectangle = Rectangle::new(placement);
+        let local = placement.to_object.transform_point3(point.p);
         (rectangle.n.dot(toward_scene) > 0.0).then(|| {
             (
-                self.resolution.unit_to_raster(local.truncate()),
+                resolution.unit_to_raster(local.truncate()),
                 1.0 / rectangle.area,
             )
         })

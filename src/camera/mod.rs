@@ -10,8 +10,13 @@ pub mod detector;
 pub mod orthographic;
 pub mod perspective;
 
-use crate::geometry::{DirectionalDensity, EndPoint, Link, Shutter, SurfacePoint, Transform};
-use glam::{DVec2, DVec3};
+use crate::geometry::{
+    DirectionalDensity, EndPoint, Link, Moment, Shutter, SurfacePoint, Transform,
+};
+use detector::Detector;
+use glam::{DAffine3, DVec2, DVec3};
+use orthographic::Orthographic;
+use perspective::{Perspective, ThinLens};
 
 /// Film size in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,62 +108,141 @@ impl PixelWidth {
 
 /// A camera or detector.
 #[derive(Clone, Debug)]
-pub enum Camera {
+pub struct Camera {
+    transform: Transform,
+    resolution: Resolution,
+    /// The way it projects.
+    pub kind: CameraKind,
+}
+
+/// The kinds of cameras.
+#[derive(Clone, Debug)]
+pub enum CameraKind {
     /// Pinhole or thin lens.
-    Perspective(perspective::Perspective),
+    Perspective(Perspective),
     /// Parallel projection.
-    Orthographic(orthographic::Orthographic),
+    Orthographic(Orthographic),
     /// A real receiving surface that measures irradiance.
-    Detector(detector::Detector),
+    Detector(Detector),
+}
+
+impl CameraKind {
+    /// Name in messages.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Perspective(_) => "perspective",
+            Self::Orthographic(_) => "orthographic",
+            Self::Detector(_) => "detector",
+        }
+    }
 }
 
 impl Camera {
-    /// Film size in pixels.
+    /// A camera with the full vertical field of view `fov_y_rad` (0 < fov < π) placed by a rigid motion; square pixels.
+    /// Without a lens it is a pinhole.
     #[must_use]
-    pub fn resolution(&self) -> Resolution {
-        match self {
-            Self::Perspective(camera) => camera.resolution(),
-            Self::Orthographic(camera) => camera.resolution(),
-            Self::Detector(detector) => detector.resolution,
+    pub fn perspective(
+        transform: Transform,
+        resolution: Resolution,
+        fov_y_rad: f64,
+        lens: Option<ThinLens>,
+    ) -> Self {
+        let kind = CameraKind::Perspective(Perspective::new(resolution, fov_y_rad, lens));
+        Self {
+            transform,
+            resolution,
+            kind,
         }
     }
 
-    /// Where the camera is over the shutter (for a detector: the map of the square -1..1 to its surface).
+    /// A camera of parallel rays with a film `width_m` metres wide (> 0), placed by a rigid motion; square pixels.
+    #[must_use]
+    pub fn orthographic(transform: Transform, resolution: Resolution, width_m: f64) -> Self {
+        let kind = CameraKind::Orthographic(Orthographic::new(resolution, width_m));
+        Self {
+            transform,
+            resolution,
+            kind,
+        }
+    }
+
+    /// A detector of `width_m` × `height_m` metres (> 0) at rest: centred on the origin of the rigid motion `pose`, u along
+    /// its x axis and v along its y axis. It lets light through if `transparent`, else it absorbs it.
+    #[must_use]
+    pub fn detector(
+        pose: DAffine3,
+        width_m: f64,
+        height_m: f64,
+        resolution: Resolution,
+        transparent: bool,
+    ) -> Self {
+        let scale = DVec3::new(0.5 * width_m, 0.5 * height_m, 1.0);
+        Self {
+            transform: Transform::fixed(pose * DAffine3::from_scale(scale)),
+            resolution,
+            kind: CameraKind::Detector(Detector {
+                transparent,
+                instance: None,
+            }),
+        }
+    }
+
+    /// Film size in pixels.
+    #[must_use]
+    pub fn resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    /// Placement over the shutter (of a detector: the map of the square -1..1 to its surface).
     #[must_use]
     pub fn transform(&self) -> &Transform {
-        match self {
-            Self::Perspective(camera) => camera.transform(),
-            Self::Orthographic(camera) => camera.transform(),
-            Self::Detector(detector) => &detector.transform,
-        }
+        &self.transform
+    }
+
+    /// Numbers its motion, see [`Transform::enumerate`].
+    pub fn enumerate_motion(&mut self, next: &mut usize) {
+        self.transform.enumerate(next);
     }
 
     /// The same sensor inside a hierarchy of moving `parents` (the outermost first; without scale) over `shutter`.
     #[must_use]
     pub fn under(mut self, parents: &[Link], shutter: Shutter) -> Self {
-        let transform = match &mut self {
-            Self::Perspective(camera) => camera.transform_mut(),
-            Self::Orthographic(camera) => camera.transform_mut(),
-            Self::Detector(detector) => &mut detector.transform,
-        };
-        *transform = transform.under(parents, shutter);
+        self.transform = self.transform.under(parents, shutter);
         self
+    }
+
+    /// The detector, if it is one.
+    #[must_use]
+    pub fn as_detector(&self) -> Option<&Detector> {
+        match &self.kind {
+            CameraKind::Detector(detector) => Some(detector),
+            _ => None,
+        }
+    }
+
+    /// Area of a detector in m²; `None` for cameras.
+    #[must_use]
+    pub fn detector_area(&self, moment: Moment) -> Option<f64> {
+        self.as_detector()?;
+        Some(Detector::area(&self.transform.at(moment)))
     }
 
     /// Starts a camera sub-path at a raster position. `u_lens` chooses the lens point, or a detector's direction.
     #[must_use]
-    pub fn sample_ray(&self, raster: DVec2, u_lens: DVec2, time: f64) -> CameraSample {
-        match self {
-            Self::Perspective(camera) => camera.sample_ray(raster, u_lens, time),
-            Self::Orthographic(camera) => camera.sample_ray(raster, time),
-            Self::Detector(detector) => detector.sample_ray(raster, u_lens, time),
+    pub fn sample_ray(&self, raster: DVec2, u_lens: DVec2, moment: Moment) -> CameraSample {
+        let (place, resolution) = (&*self.transform.at(moment), self.resolution);
+        match &self.kind {
+            CameraKind::Perspective(camera) => camera.sample_ray(place, resolution, raster, u_lens),
+            CameraKind::Orthographic(camera) => camera.sample_ray(place, resolution, raster),
+            CameraKind::Detector(camera) => camera.sample_ray(place, resolution, raster, u_lens),
         }
     }
 
     /// Width of the pixel at a raster position.
     #[must_use]
-    pub fn pixel_width(&self, raster: DVec2, time: f64) -> PixelWidth {
-        let at = |raster| self.sample_ray(raster, DVec2::splat(0.5), time);
+    pub fn pixel_width(&self, raster: DVec2, moment: Moment) -> PixelWidth {
+        let at = |raster| self.sample_ray(raster, DVec2::splat(0.5), moment);
         let (here, next) = (at(raster), at(raster + DVec2::X));
         PixelWidth {
             offset: here.xk.p.distance(next.xk.p),
@@ -173,61 +257,61 @@ impl Camera {
         &self,
         x: DVec3,
         u_lens: DVec2,
-        time: f64,
+        moment: Moment,
         margin: f64,
     ) -> Option<SensorConnection> {
-        match self {
-            Self::Perspective(camera) => camera.sample_connection(x, u_lens, time, margin),
-            Self::Orthographic(camera) => camera.sample_connection(x, time, margin),
-            Self::Detector(detector) => detector.sample_connection(x, u_lens, time),
+        let (place, resolution) = (&*self.transform.at(moment), self.resolution);
+        match &self.kind {
+            CameraKind::Perspective(camera) => {
+                camera.sample_connection(place, resolution, x, u_lens, margin)
+            }
+            CameraKind::Orthographic(camera) => {
+                camera.sample_connection(place, resolution, x, margin)
+            }
+            CameraKind::Detector(camera) => camera.sample_connection(place, resolution, x, u_lens),
         }
     }
 
-    /// Density of `xk` (a point of this sensor) and of leaving it in unit `direction` (into the scene). The density of
-    /// the direction is 0 behind the sensor; it continues outside the film.
+    /// Density of a point of this sensor and of leaving it in unit `direction` (into the scene). The density of the
+    /// direction is 0 behind the sensor; it continues outside the film.
     #[must_use]
-    pub fn density(
-        &self,
-        _xk: &EndPoint,
-        direction: DVec3,
-        time: f64,
-    ) -> (f64, DirectionalDensity) {
-        match self {
-            Self::Perspective(camera) => camera.density(direction, time),
-            Self::Orthographic(camera) => camera.density(),
-            Self::Detector(detector) => detector.density(direction, time),
+    pub fn density(&self, direction: DVec3, moment: Moment) -> (f64, DirectionalDensity) {
+        let place = &*self.transform.at(moment);
+        match &self.kind {
+            CameraKind::Perspective(camera) => camera.density(place, direction),
+            CameraKind::Orthographic(camera) => camera.density(),
+            CameraKind::Detector(_) => Detector::density(place, direction),
         }
     }
 
-    /// A light path that hits the sensor (t = 0) at `time`: raster position and `W_e` (1/A_det) where `toward_scene`
-    /// (unit, back along the arriving ray) is on the accepting side. `None` for every sensor but a detector, and for
-    /// points of other surfaces.
+    /// A light path that hits the sensor (t = 0): raster position and `W_e` (1/A_det) where `toward_scene` (unit, back along
+    /// the arriving ray) is on the accepting side. `None` for every sensor but a detector, and for points of other
+    /// surfaces.
     #[must_use]
     pub fn arrive(
         &self,
         point: &SurfacePoint,
         toward_scene: DVec3,
-        time: f64,
+        moment: Moment,
     ) -> Option<(DVec2, f64)> {
-        match self {
-            Self::Detector(detector) => detector.arrive(point, toward_scene, time),
-            Self::Perspective(_) | Self::Orthographic(_) => None,
-        }
+        let detector = self.as_detector()?;
+        let place = &*self.transform.at(moment);
+        detector.arrive(place, self.resolution, point, toward_scene)
     }
 
-    /// Whether light paths can hit it (detector).
+    /// Whether light paths can hit it: a detector.
     #[must_use]
     pub fn is_hittable(&self) -> bool {
-        matches!(self, Self::Detector(_))
+        self.as_detector().is_some()
     }
 
     /// Whether its position is a single point or direction per pixel (pinhole, orthographic).
     #[must_use]
     pub fn is_delta(&self) -> bool {
-        match self {
-            Self::Perspective(camera) => camera.lens().is_none(),
-            Self::Orthographic(_) => true,
-            Self::Detector(_) => false,
+        match &self.kind {
+            CameraKind::Perspective(camera) => camera.lens().is_none(),
+            CameraKind::Orthographic(_) => true,
+            CameraKind::Detector(_) => false,
         }
     }
 }

@@ -4,40 +4,20 @@
 //! the plane z = 0; things behind it are not seen.
 
 use super::{CameraSample, Resolution, SensorConnection};
-use crate::geometry::{DirectionalDensity, EndPoint, Transform};
+use crate::geometry::{DirectionalDensity, EndPoint, Placement};
 use glam::{DVec2, DVec3};
 
-/// An orthographic camera.
+/// Parallel projection onto a film of real size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Orthographic {
-    transform: Transform,
-    resolution: Resolution,
     /// Half width and half height of the film in metres.
     half_film_m: DVec2,
 }
 
 impl Orthographic {
-    /// A camera with a film `width_m` metres wide (> 0), placed by a rigid motion; square pixels.
-    #[must_use]
-    pub fn new(transform: Transform, resolution: Resolution, width_m: f64) -> Self {
+    pub(super) fn new(resolution: Resolution, width_m: f64) -> Self {
         let half_film_m = 0.5 * DVec2::new(width_m, width_m / resolution.aspect());
-        Self {
-            transform,
-            resolution,
-            half_film_m,
-        }
-    }
-
-    pub(super) fn resolution(&self) -> Resolution {
-        self.resolution
-    }
-
-    pub(super) fn transform(&self) -> &Transform {
-        &self.transform
-    }
-
-    pub(super) fn transform_mut(&mut self) -> &mut Transform {
-        &mut self.transform
+        Self { half_film_m }
     }
 
     /// Density per area of the parallel ray, equal to `W_e`.
@@ -45,30 +25,16 @@ impl Orthographic {
         1.0 / (4.0 * self.half_film_m.x * self.half_film_m.y)
     }
 
-    fn end_point(&self, on_film: DVec2, time: f64) -> EndPoint {
-        let p = self
-            .transform
-            .at(time)
-            .to_world
-            .transform_point3(on_film.extend(0.0));
-        EndPoint::at(p)
-    }
-
-    fn axis(&self, time: f64) -> DVec3 {
-        self.transform
-            .at(time)
-            .to_world
-            .transform_vector3(DVec3::NEG_Z)
-            .normalize()
-    }
-
-    pub(super) fn sample_ray(&self, raster: DVec2, time: f64) -> CameraSample {
+    pub(super) fn sample_ray(
+        &self,
+        placement: &Placement,
+        resolution: Resolution,
+        raster: DVec2,
+    ) -> CameraSample {
+        let on_film = resolution.raster_to_unit(raster) * self.half_film_m;
         CameraSample {
-            xk: self.end_point(
-                self.resolution.raster_to_unit(raster) * self.half_film_m,
-                time,
-            ),
-            direction: self.axis(time),
+            xk: end_point(placement, on_film),
+            direction: axis(placement),
             pdf_xk: 1.0,
             pdf_direction: DirectionalDensity::Perpendicular(self.ray_density()),
             weight: 1.0,
@@ -77,18 +43,17 @@ impl Orthographic {
 
     pub(super) fn sample_connection(
         &self,
+        placement: &Placement,
+        resolution: Resolution,
         x: DVec3,
-        time: f64,
         margin: f64,
     ) -> Option<SensorConnection> {
-        let local = self.transform.at(time).to_object.transform_point3(x);
-        let raster = self
-            .resolution
-            .unit_to_raster(local.truncate() / self.half_film_m);
-        let seen = local.z < 0.0 && self.resolution.contains(raster, margin);
+        let local = placement.to_object.transform_point3(x);
+        let raster = resolution.unit_to_raster(local.truncate() / self.half_film_m);
+        let seen = local.z < 0.0 && resolution.contains(raster, margin);
         seen.then(|| SensorConnection {
-            xk: self.end_point(local.truncate(), time),
-            toward: -self.axis(time),
+            xk: end_point(placement, local.truncate()),
+            toward: -axis(placement),
             distance: -local.z,
             pdf_xk: 1.0,
             raster,
@@ -99,4 +64,14 @@ impl Orthographic {
     pub(super) fn density(&self) -> (f64, DirectionalDensity) {
         (1.0, DirectionalDensity::Perpendicular(self.ray_density()))
     }
+}
+
+fn end_point(placement: &Placement, on_film: DVec2) -> EndPoint {
+    EndPoint::at(placement.to_world.transform_point3(on_film.extend(0.0)))
+}
+
+/// The direction of view, a unit vector.
+pub(super) fn axis(placement: &Placement) -> DVec3 {
+    let axis = placement.to_world.transform_vector3(DVec3::NEG_Z);
+    axis.normalize()
 }

@@ -6,8 +6,9 @@
 //! point sees it at distance f/cosθ. So the density of directions is 1/(`A_film` cos³θ) for both, with θ the angle of
 //! the ray itself, and `W_e` = 1/(`A_film` `A_lens` cos⁴θ) gives every camera path weight 1.
 
+use super::orthographic::axis;
 use super::{CameraSample, Resolution, SensorConnection};
-use crate::geometry::{DirectionalDensity, EndPoint, Transform};
+use crate::geometry::{DirectionalDensity, EndPoint, Placement};
 use crate::math::sampling;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
@@ -21,52 +22,25 @@ pub struct ThinLens {
     pub focus_distance_m: f64,
 }
 
-/// A perspective camera.
+/// Projection through a pinhole or a thin lens.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Perspective {
-    transform: Transform,
-    resolution: Resolution,
     /// Half width and half height of the film at unit distance.
     half_film: DVec2,
     lens: Option<ThinLens>,
 }
 
 impl Perspective {
-    /// A camera with the full vertical field of view `fov_y_rad` (0 < fov < π) placed by a rigid motion; square pixels.
-    /// Without a lens it is a pinhole.
-    #[must_use]
-    pub fn new(
-        transform: Transform,
-        resolution: Resolution,
-        fov_y_rad: f64,
-        lens: Option<ThinLens>,
-    ) -> Self {
+    pub(super) fn new(resolution: Resolution, fov_y_rad: f64, lens: Option<ThinLens>) -> Self {
         let half_height = (0.5 * fov_y_rad).tan();
         let half_film = DVec2::new(half_height * resolution.aspect(), half_height);
-        Self {
-            transform,
-            resolution,
-            half_film,
-            lens,
-        }
+        Self { half_film, lens }
     }
 
     /// The lens, if it is not a pinhole.
     #[must_use]
     pub fn lens(&self) -> Option<ThinLens> {
         self.lens
-    }
-
-    pub(super) fn resolution(&self) -> Resolution {
-        self.resolution
-    }
-
-    pub(super) fn transform(&self) -> &Transform {
-        &self.transform
-    }
-
-    pub(super) fn transform_mut(&mut self) -> &mut Transform {
-        &mut self.transform
     }
 
     /// Area of the film at unit distance.
@@ -90,13 +64,9 @@ impl Perspective {
         self.lens.map_or(1.0, |lens| lens.focus_distance_m)
     }
 
-    fn end_point(&self, lens_point: DVec2, time: f64) -> EndPoint {
-        let placement = self.transform.at(time);
+    fn end_point(&self, placement: &Placement, lens_point: DVec2) -> EndPoint {
         let n = if self.lens.is_some() {
-            placement
-                .to_world
-                .transform_vector3(DVec3::NEG_Z)
-                .normalize()
+            axis(placement)
         } else {
             DVec3::ZERO
         };
@@ -115,19 +85,20 @@ impl Perspective {
         }
     }
 
-    pub(super) fn sample_ray(&self, raster: DVec2, u_lens: DVec2, time: f64) -> CameraSample {
-        let on_film = self.resolution.raster_to_unit(raster) * self.half_film;
+    pub(super) fn sample_ray(
+        &self,
+        placement: &Placement,
+        resolution: Resolution,
+        raster: DVec2,
+        u_lens: DVec2,
+    ) -> CameraSample {
+        let on_film = resolution.raster_to_unit(raster) * self.half_film;
         let lens_point = self.lens_point(u_lens);
         let local =
             (on_film.extend(-1.0) * self.focus_distance() - lens_point.extend(0.0)).normalize();
         CameraSample {
-            xk: self.end_point(lens_point, time),
-            direction: self
-                .transform
-                .at(time)
-                .to_world
-                .transform_vector3(local)
-                .normalize(),
+            xk: self.end_point(placement, lens_point),
+            direction: placement.to_world.transform_vector3(local).normalize(),
             pdf_xk: self.lens_density(),
             pdf_direction: DirectionalDensity::SolidAngle(self.direction_density(-local.z)),
             weight: 1.0,
@@ -136,23 +107,24 @@ impl Perspective {
 
     pub(super) fn sample_connection(
         &self,
+        placement: &Placement,
+        resolution: Resolution,
         x: DVec3,
         u_lens: DVec2,
-        time: f64,
         margin: f64,
     ) -> Option<SensorConnection> {
         let lens_point = self.lens_point(u_lens);
-        let local = self.transform.at(time).to_object.transform_point3(x) - lens_point.extend(0.0);
+        let local = placement.to_object.transform_point3(x) - lens_point.extend(0.0);
         if local.z >= 0.0 {
             return None;
         }
         let on_film = (lens_point + local.truncate() * (self.focus_distance() / -local.z))
             / self.focus_distance();
-        let raster = self.resolution.unit_to_raster(on_film / self.half_film);
-        if !self.resolution.contains(raster, margin) {
+        let raster = resolution.unit_to_raster(on_film / self.half_film);
+        if !resolution.contains(raster, margin) {
             return None;
         }
-        let xk = self.end_point(lens_point, time);
+        let xk = self.end_point(placement, lens_point);
         let distance = xk.p.distance(x);
         let cos = -local.z / local.length();
         Some(SensorConnection {
@@ -166,14 +138,12 @@ impl Perspective {
         })
     }
 
-    pub(super) fn density(&self, direction: DVec3, time: f64) -> (f64, DirectionalDensity) {
-        let axis = self
-            .transform
-            .at(time)
-            .to_world
-            .transform_vector3(DVec3::NEG_Z)
-            .normalize();
-        let pdf = self.direction_density(axis.dot(direction));
+    pub(super) fn density(
+        &self,
+        placement: &Placement,
+        direction: DVec3,
+    ) -> (f64, DirectionalDensity) {
+        let pdf = self.direction_density(axis(placement).dot(direction));
         (self.lens_density(), DirectionalDensity::SolidAngle(pdf))
     }
 }

@@ -1,8 +1,6 @@
 //! What every sensor must fulfil, whatever its kind.
 
-use super::detector::Detector;
-use super::orthographic::Orthographic;
-use super::perspective::{Perspective, ThinLens};
+use super::perspective::ThinLens;
 use super::*;
 use crate::geometry::{InstanceId, SurfaceId};
 use glam::{DAffine3, DQuat};
@@ -27,25 +25,16 @@ fn lens() -> ThinLens {
 }
 
 fn perspective(lens: Option<ThinLens>) -> Camera {
-    Camera::Perspective(Perspective::new(
-        Transform::fixed(pose()),
-        RESOLUTION,
-        0.9,
-        lens,
-    ))
+    Camera::perspective(Transform::fixed(pose()), RESOLUTION, 0.9, lens)
 }
 
 fn cameras() -> [Camera; 3] {
-    let parallel = Orthographic::new(Transform::fixed(pose()), RESOLUTION, 0.8);
-    [
-        perspective(None),
-        perspective(Some(lens())),
-        Camera::Orthographic(parallel),
-    ]
+    let parallel = Camera::orthographic(Transform::fixed(pose()), RESOLUTION, 0.8);
+    [perspective(None), perspective(Some(lens())), parallel]
 }
 
-fn detector() -> Detector {
-    Detector::new(pose(), 0.4, 0.2, RESOLUTION)
+fn detector() -> Camera {
+    Camera::detector(pose(), 0.4, 0.2, RESOLUTION, false)
 }
 
 /// Raster positions on and around the film with lens numbers.
@@ -70,12 +59,12 @@ fn close(a: f64, b: f64) -> bool {
 
 #[test]
 fn density_is_that_of_the_sample() {
-    let all = cameras().into_iter().chain([Camera::Detector(detector())]);
+    let all = cameras().into_iter().chain([detector()]);
     for camera in all {
         for (raster, u) in positions() {
-            let s = camera.sample_ray(raster, u, 0.0);
+            let s = camera.sample_ray(raster, u, 0.0.into());
             assert!((s.direction.length() - 1.0).abs() < 1e-14);
-            let (pdf_xk, pdf_direction) = camera.density(&s.xk, s.direction, 0.0);
+            let (pdf_xk, pdf_direction) = camera.density(s.direction, 0.0.into());
             assert_eq!(pdf_xk, s.pdf_xk);
             assert_eq!(
                 std::mem::discriminant(&pdf_direction),
@@ -91,10 +80,10 @@ fn density_is_that_of_the_sample() {
 fn connection_inverts_the_ray() {
     for camera in cameras() {
         for (raster, u) in positions() {
-            let s = camera.sample_ray(raster, u, 0.0);
+            let s = camera.sample_ray(raster, u, 0.0.into());
             for distance in [0.3, 2.5, 70.0] {
                 let x = s.xk.p + distance * s.direction;
-                let c = camera.sample_connection(x, u, 0.0, 50.0).unwrap();
+                let c = camera.sample_connection(x, u, 0.0.into(), 50.0).unwrap();
                 assert!((c.raster - raster).length() < 1e-9, "{raster} {}", c.raster);
                 assert!((c.xk.p - s.xk.p).length() < 1e-12);
                 assert!((c.toward + s.direction).length() < 1e-12);
@@ -106,7 +95,7 @@ fn connection_inverts_the_ray() {
             }
             assert!(
                 camera
-                    .sample_connection(s.xk.p - s.direction, u, 0.0, 1e9)
+                    .sample_connection(s.xk.p - s.direction, u, 0.0.into(), 1e9)
                     .is_none()
             );
         }
@@ -118,9 +107,9 @@ fn film_ends_at_the_margin() {
     for camera in cameras() {
         let u = DVec2::new(0.3, 0.7);
         let seen = |raster: DVec2, margin: f64| {
-            let s = camera.sample_ray(raster, u, 0.0);
+            let s = camera.sample_ray(raster, u, 0.0.into());
             camera
-                .sample_connection(s.xk.p + 3.0 * s.direction, u, 0.0, margin)
+                .sample_connection(s.xk.p + 3.0 * s.direction, u, 0.0.into(), margin)
                 .is_some()
         };
         for (outside, reach) in [
@@ -149,7 +138,11 @@ fn directions_of_the_film_integrate_to_one() {
         let n = 200;
         let ray = |x: f64, y: f64| {
             camera
-                .sample_ray(DVec2::new(x, y) / f64::from(n) * RESOLUTION.size(), u, 0.0)
+                .sample_ray(
+                    DVec2::new(x, y) / f64::from(n) * RESOLUTION.size(),
+                    u,
+                    0.0.into(),
+                )
                 .direction
         };
         let mut total = 0.0;
@@ -163,8 +156,7 @@ fn directions_of_the_film_integrate_to_one() {
                     ray(x, y + 1.0),
                 ];
                 let [a, b, c, d] = corners;
-                let xk = camera.sample_ray(DVec2::ZERO, u, 0.0).xk;
-                let (_, pdf) = camera.density(&xk, ray(x + 0.5, y + 0.5), 0.0);
+                let (_, pdf) = camera.density(ray(x + 0.5, y + 0.5), 0.0.into());
                 total += value(pdf) * (solid_angle(a, b, c) + solid_angle(a, c, d));
             }
         }
@@ -183,14 +175,14 @@ fn weights_are_importance_over_density() {
                 PI * lens().radius_m * lens().radius_m,
             ),
         ] {
-            let s = camera.sample_ray(raster, u, 0.0);
+            let s = camera.sample_ray(raster, u, 0.0.into());
             let cos = s.direction.dot(pose().transform_vector3(DVec3::NEG_Z));
             let importance = 1.0 / (film * lens_area * cos.powi(4));
             let weight = importance * cos / (s.pdf_xk * value(s.pdf_direction));
             assert!(close(weight, s.weight), "{weight}");
         }
-        let detector = Camera::Detector(detector());
-        let s = detector.sample_ray(raster, u, 0.0);
+        let detector = detector();
+        let s = detector.sample_ray(raster, u, 0.0.into());
         let weight = s.xk.cos(s.direction) / 0.08 / (s.pdf_xk * value(s.pdf_direction));
         assert!(close(weight, PI) && s.weight == PI, "{weight}");
     }
@@ -202,22 +194,22 @@ fn pictures_are_the_right_way_round() {
     let top_left = DVec2::ZERO;
     let u = DVec2::new(0.0, 0.0);
     // a camera at rest looks along -z: the top left is at -x, +y
-    let camera = Perspective::new(identity.clone(), RESOLUTION, 0.9, None);
-    let d = camera.sample_ray(top_left, u, 0.0).direction;
+    let camera = Camera::perspective(identity.clone(), RESOLUTION, 0.9, None);
+    let d = camera.sample_ray(top_left, u, 0.0.into()).direction;
     assert!(d.x < 0.0 && d.y > 0.0 && d.z < 0.0);
     assert!(close(-d.y / d.z, 0.45_f64.tan()));
-    let camera = Orthographic::new(identity, RESOLUTION, 0.8);
-    let s = camera.sample_ray(top_left, 0.0);
+    let camera = Camera::orthographic(identity, RESOLUTION, 0.8);
+    let s = camera.sample_ray(top_left, u, 0.0.into());
     assert!((s.xk.p - DVec3::new(-0.4, 0.3, 0.0)).length() < 1e-15);
     assert_eq!(s.direction, DVec3::NEG_Z);
     // a detector receives from u × v = +z, row 0 at +v, columns along +u
     let u = DVec2::new(0.3, 0.6);
-    let camera = Detector::new(DAffine3::IDENTITY, 0.4, 0.2, RESOLUTION);
-    let s = camera.sample_ray(top_left, u, 0.0);
+    let camera = Camera::detector(DAffine3::IDENTITY, 0.4, 0.2, RESOLUTION, false);
+    let s = camera.sample_ray(top_left, u, 0.0.into());
     assert!((s.xk.p - DVec3::new(-0.2, 0.1, 0.0)).length() < 1e-15);
     assert_eq!(s.xk.n, DVec3::Z);
     assert!(s.direction.z > 0.0);
-    let s = camera.sample_ray(DVec2::new(40.0, 30.0), u, 0.0);
+    let s = camera.sample_ray(DVec2::new(40.0, 30.0), u, 0.0.into());
     assert!((s.xk.p - DVec3::new(0.2, -0.1, 0.0)).length() < 1e-15);
 }
 
@@ -227,7 +219,7 @@ fn thin_lens_is_sharp_at_the_focus_distance() {
     let axis = pose().transform_vector3(DVec3::NEG_Z);
     let raster = DVec2::new(31.0, 4.5);
     let through = |u: DVec2| {
-        let s = camera.sample_ray(raster, u, 0.0);
+        let s = camera.sample_ray(raster, u, 0.0.into());
         assert!((s.xk.p - pose().translation).length() <= 0.1);
         let t = (2.5 - (s.xk.p - pose().translation).dot(axis)) / s.direction.dot(axis);
         s.xk.p + t * s.direction
@@ -240,13 +232,19 @@ fn thin_lens_is_sharp_at_the_focus_distance() {
 
 #[test]
 fn detector_connects_and_is_hit_alike() {
-    let mut detector = detector();
-    assert!(close(detector.area(0.0), 0.08));
-    detector.instance = Some(InstanceId(3));
-    let camera = Camera::Detector(detector);
+    let mut camera = detector();
+    assert!(
+        camera
+            .detector_area(0.0.into())
+            .is_some_and(|area| close(area, 0.08))
+    );
+    assert_eq!(perspective(None).detector_area(0.0.into()), None);
+    if let CameraKind::Detector(detector) = &mut camera.kind {
+        detector.instance = Some(InstanceId(3));
+    }
     let x = pose().transform_point3(DVec3::new(0.3, 0.4, 1.5));
     for (_, u) in positions() {
-        let c = camera.sample_connection(x, u, 0.0, 0.0).unwrap();
+        let c = camera.sample_connection(x, u, 0.0.into(), 0.0).unwrap();
         let cos = c.xk.cos(c.toward);
         assert!(close(c.importance, cos / (c.distance * c.distance)));
         assert!(close(c.pdf_xk, 1.0 / 0.08));
@@ -258,28 +256,28 @@ fn detector_connects_and_is_hit_alike() {
             uv: DVec2::ZERO,
             id,
         };
-        let (raster, importance) = camera.arrive(&point, -c.toward, 0.0).unwrap();
+        let (raster, importance) = camera.arrive(&point, -c.toward, 0.0.into()).unwrap();
         assert!((raster - c.raster).length() < 1e-10);
         assert!(close(importance, 1.0 / 0.08));
         assert!((raster - u * RESOLUTION.size()).length() < 1e-10);
         // the back is blind, and other surfaces are not the detector
-        assert!(camera.arrive(&point, c.toward, 0.0).is_none());
+        assert!(camera.arrive(&point, c.toward, 0.0.into()).is_none());
         let id = SurfaceId {
             instance: InstanceId(4),
             prim: 0,
         };
         assert!(
             camera
-                .arrive(&SurfacePoint { id, ..point }, -c.toward, 0.0)
+                .arrive(&SurfacePoint { id, ..point }, -c.toward, 0.0.into())
                 .is_none()
         );
-        let (_, pdf) = camera.density(&c.xk, c.toward, 0.0);
+        let (_, pdf) = camera.density(c.toward, 0.0.into());
         assert_eq!(value(pdf), 0.0);
     }
     let behind = pose().transform_point3(DVec3::new(0.0, 0.0, -1.0));
     assert!(
         camera
-            .sample_connection(behind, DVec2::splat(0.5), 0.0, 0.0)
+            .sample_connection(behind, DVec2::splat(0.5), 0.0.into(), 0.0)
             .is_none()
     );
     assert!(camera.is_hittable() && !camera.is_delta());

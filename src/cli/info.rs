@@ -3,10 +3,8 @@
 use super::args::InfoOptions;
 use super::usage::bytes_text;
 use super::{CliError, Outcome, glass, print, summary};
-use crate::camera::Camera;
 use crate::geometry::{Shape, Shutter};
 use crate::io::loaded::{Loaded, load};
-use crate::light::Light;
 use crate::render::OutputRequest;
 use crate::render::memory::{film_bytes, geometry_bytes, texture_bytes};
 use crate::scene::effects::Effect;
@@ -43,36 +41,6 @@ fn effects(loaded: &Loaded) -> Vec<Effect> {
         .collect()
 }
 
-fn camera_kind(camera: &Camera) -> &'static str {
-    match camera {
-        Camera::Perspective(_) => "perspective",
-        Camera::Orthographic(_) => "orthographic",
-        Camera::Detector(_) => "detector",
-    }
-}
-
-fn shape_kind(shape: &Shape) -> &'static str {
-    match shape {
-        Shape::Sphere => "sphere",
-        Shape::Disk { .. } => "disk",
-        Shape::Quad => "quad",
-        Shape::Cylinder => "cylinder",
-        Shape::Box => "box",
-        Shape::Mesh(_) | Shape::Deforming(_) => "mesh",
-    }
-}
-
-fn light_kind(light: &Light) -> &'static str {
-    match light {
-        Light::Area(_) => "area",
-        Light::Point(_) => "point",
-        Light::Spot(_) => "spot",
-        Light::Directional(_) => "directional",
-        Light::Beam(_) => "beam",
-        Light::Environment(_) => "environment",
-    }
-}
-
 /// Numbers of objects by kind of shape, detectors left out.
 fn shapes(loaded: &Loaded) -> BTreeMap<&'static str, usize> {
     let mut counts = BTreeMap::new();
@@ -84,7 +52,7 @@ fn shapes(loaded: &Loaded) -> BTreeMap<&'static str, usize> {
         .zip(&loaded.scene.objects)
     {
         if object.sensor.is_none() {
-            *counts.entry(shape_kind(&instance.shape)).or_default() += 1;
+            *counts.entry(instance.shape.name()).or_default() += 1;
         }
     }
     counts
@@ -130,7 +98,7 @@ fn to_text(loaded: &Loaded) -> String {
             text,
             "  {:<13} {}, {} x {} pixels{}",
             sensor.name,
-            camera_kind(&sensor.camera),
+            sensor.camera.kind.name(),
             size.width,
             size.height,
             shutter_text(sensor.shutter)
@@ -152,7 +120,7 @@ fn to_text(loaded: &Loaded) -> String {
         } else {
             ""
         };
-        _ = writeln!(text, "  {name:<13} {}{hidden}", light_kind(light));
+        _ = writeln!(text, "  {name:<13} {}{hidden}", light.kind.name());
     }
     let moving = scene.moving();
     if !moving.is_empty() {
@@ -171,7 +139,7 @@ fn to_text(loaded: &Loaded) -> String {
             );
         }
         for (i, sensor) in scene.sensors.iter().enumerate() {
-            if let Some(way) = scene.way_px(i, moving) {
+            if let Some(way) = scene.motion_blur_px(i, moving) {
                 _ = write!(text, ", up to {way:.1} pixels in {}", sensor.name);
             }
         }
@@ -223,14 +191,14 @@ fn to_json(loaded: &Loaded) -> Value {
         let size = sensor.camera.resolution();
         json!({
             "name": sensor.name,
-            "kind": camera_kind(&sensor.camera),
+            "kind": sensor.camera.kind.name(),
             "width": size.width,
             "height": size.height,
             "shutter_s": [sensor.shutter.open_s, sensor.shutter.close_s],
         })
     });
     let lights = scene.lights.iter().zip(&scene.light_names).map(|(light, name)| {
-        json!({ "name": name, "kind": light_kind(light), "only_light_paths": light.is_delta() })
+        json!({ "name": name, "kind": light.kind.name(), "only_light_paths": light.is_delta() })
     });
     let media = scene.media.iter().map(|medium| {
         let mut value = glass::summary(&medium.ior);
@@ -240,8 +208,8 @@ fn to_json(loaded: &Loaded) -> Value {
     let motion = scene.moving().into_iter().map(|moving| {
         let (kind, name) = scene.name_of(moving);
         let ways = scene.sensors.iter().enumerate();
-        let ways =
-            ways.filter_map(|(i, s)| Some((s.name.clone(), json!(scene.way_px(i, moving)?))));
+        let ways = ways
+            .filter_map(|(i, s)| Some((s.name.clone(), json!(scene.motion_blur_px(i, moving)?))));
         json!({ "name": name, "kind": kind, "way_px": Value::Object(ways.collect()) })
     });
     json!({

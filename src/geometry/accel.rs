@@ -4,7 +4,7 @@
 
 use super::ray::LocalRay;
 use super::tree::Tree;
-use super::{Hit, Instance, InstanceId, Ray, Shape, SurfaceId, SurfacePoint, instance};
+use super::{Hit, Instance, InstanceId, Moment, Ray, Shape, SurfaceId, SurfacePoint, instance};
 use glam::{DVec2, DVec3};
 
 /// All instances of a scene, ready for ray queries.
@@ -13,6 +13,15 @@ pub struct Accel {
     instances: Vec<Instance>,
     /// `None` without instances.
     top: Option<Top>,
+    center: DVec3,
+    radius: f64,
+}
+
+/// All instances of a scene at one moment.
+#[derive(Clone, Copy, Debug)]
+pub struct AccelAt<'a> {
+    accel: &'a Accel,
+    moment: Moment<'a>,
 }
 
 #[derive(Debug)]
@@ -40,7 +49,47 @@ impl Accel {
                 bounds,
             }
         });
-        Self { instances, top }
+        let (center, radius) = bounds.map_or((DVec3::ZERO, 1.0), |(low, high)| {
+            let radius = (high - low).length() * 0.5;
+            ((low + high) * 0.5, if radius > 0.0 { radius } else { 1.0 })
+        });
+        Self {
+            instances,
+            top,
+            center,
+            radius,
+        }
+    }
+
+    /// Center of the sphere around the bounds; the origin without geometry.
+    #[must_use]
+    pub fn center(&self) -> DVec3 {
+        self.center
+    }
+
+    /// Radius of the sphere around the bounds in metres; 1 without geometry.
+    #[must_use]
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// Another sphere, for closed forms in tests.
+    #[cfg(test)]
+    pub(crate) fn set_sphere(&mut self, center: DVec3, radius: f64) {
+        (self.center, self.radius) = (center, radius);
+    }
+
+    /// The instance of this id.
+    #[must_use]
+    pub fn instance(&self, id: InstanceId) -> &Instance {
+        &self.instances[id.0 as usize]
+    }
+
+    /// The instances at a moment.
+    #[must_use]
+    pub fn at<'a>(&'a self, moment: impl Into<Moment<'a>>) -> AccelAt<'a> {
+        let (accel, moment) = (self, moment.into());
+        AccelAt { accel, moment }
     }
 
     /// The instances, by id.
@@ -54,12 +103,26 @@ impl Accel {
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         self.top.as_ref().map(|top| top.bounds)
     }
+}
+
+impl<'a> AccelAt<'a> {
+    /// The instances, whenever.
+    #[must_use]
+    pub fn accel(&self) -> &'a Accel {
+        self.accel
+    }
+
+    /// The moment.
+    #[must_use]
+    pub fn moment(&self) -> Moment<'a> {
+        self.moment
+    }
 
     /// The closest hit among the instances for which `visible` says true.
     #[must_use]
     #[inline]
     pub fn closest(&self, ray: &Ray, visible: impl Fn(InstanceId) -> bool) -> Option<Hit> {
-        let top = self.top.as_ref()?;
+        let top = self.accel.top.as_ref()?;
         let mut best: Option<Hit> = None;
         let mut t_best = ray.t_max;
         let entry = top.tree.enter(ray.o, ray.d, ray.t_max)?;
@@ -71,13 +134,13 @@ impl Accel {
                 if !visible(instance) {
                     return None;
                 }
-                let Instance { shape, transform } = &self.instances[instance.0 as usize];
-                let placement = transform.at(ray.time);
+                let Instance { shape, transform } = self.accel.instance(instance);
+                let placement = transform.at(self.moment);
                 let to_object = &placement.to_object;
                 let local = LocalRay::new(ray, instance, to_object, t_best, shape.extent());
                 let (t, prim, uv) = match shape {
-                    Shape::Mesh(mesh) => mesh.closest(&local, ray.time)?,
-                    Shape::Deforming(mesh) => mesh.closest(&local, ray.time)?,
+                    Shape::Mesh(mesh) => mesh.closest(&local, self.moment.time())?,
+                    Shape::Deforming(mesh) => mesh.closest(&local, self.moment.time())?,
                     _ => shape
                         .analytic_hit(&local)
                         .map(|(t, prim)| (t, prim, DVec2::ZERO))?,
@@ -98,7 +161,9 @@ impl Accel {
     #[must_use]
     #[inline]
     pub fn occluded(&self, ray: &Ray, opaque: impl Fn(InstanceId) -> bool) -> bool {
-        let Some(top) = &self.top else { return false };
+        let Some(top) = &self.accel.top else {
+            return false;
+        };
         let Some(entry) = top.tree.enter(ray.o, ray.d, ray.t_max) else {
             return false;
         };
@@ -110,13 +175,13 @@ impl Accel {
                 if !opaque(instance) {
                     return false;
                 }
-                let Instance { shape, transform } = &self.instances[instance.0 as usize];
-                let placement = transform.at(ray.time);
+                let Instance { shape, transform } = self.accel.instance(instance);
+                let placement = transform.at(self.moment);
                 let to_object = &placement.to_object;
                 let local = LocalRay::new(ray, instance, to_object, ray.t_max, shape.extent());
                 match shape {
-                    Shape::Mesh(mesh) => mesh.occluded(&local, ray.time),
-                    Shape::Deforming(mesh) => mesh.occluded(&local, ray.time),
+                    Shape::Mesh(mesh) => mesh.occluded(&local, self.moment.time()),
+                    Shape::Deforming(mesh) => mesh.occluded(&local, self.moment.time()),
                     _ => shape.analytic_hit(&local).is_some(),
                 }
             },
@@ -126,34 +191,45 @@ impl Accel {
     /// Derivatives of the position by the texture coordinates at a surface point, in world space; `None` where there are
     /// none.
     #[must_use]
-    pub fn tangents(&self, point: &SurfacePoint, time: f64) -> Option<[DVec3; 2]> {
-        let instance = &self.instances[point.id.instance.0 as usize];
-        let placement = instance.transform.at(time);
+    pub fn tangents(&self, point: &SurfacePoint) -> Option<[DVec3; 2]> {
+        let instance = self.accel.instance(point.id.instance);
+        let placement = instance.transform.at(self.moment);
         let p = placement.to_object.transform_point3(point.p);
-        let local = instance.shape.tangents(point.id.prim, p, time)?;
+        let local = instance
+            .shape
+            .tangents(point.id.prim, p, self.moment.time())?;
         Some(local.map(|d| placement.to_world.transform_vector3(d)))
     }
 
     /// Texture coordinates at the point `p` of a face, in world space.
     #[must_use]
-    pub fn texture_coordinates(&self, id: SurfaceId, p: DVec3, time: f64) -> DVec2 {
-        let instance = &self.instances[id.instance.0 as usize];
-        let p = instance.transform.at(time).to_object.transform_point3(p);
+    pub fn texture_coordinates(&self, id: SurfaceId, p: DVec3) -> DVec2 {
+        let instance = self.accel.instance(id.instance);
+        let p = instance
+            .transform
+            .at(self.moment)
+            .to_object
+            .transform_point3(p);
         let weights = match &instance.shape {
-            Shape::Mesh(mesh) => mesh.weights(id.prim, p, time),
-            Shape::Deforming(mesh) => mesh.weights(id.prim, p, time),
+            Shape::Mesh(mesh) => mesh.weights(id.prim, p, self.moment.time()),
+            Shape::Deforming(mesh) => mesh.weights(id.prim, p, self.moment.time()),
             _ => DVec2::ZERO,
         };
-        instance.shape.local_point(id.prim, p, weights, time).uv
+        instance
+            .shape
+            .local_point(id.prim, p, weights, self.moment.time())
+            .uv
     }
 
     /// Full local geometry of a hit: position refined onto the surface, normals, uv.
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
-        let instance = &self.instances[hit.id.instance.0 as usize];
-        let placement = instance.transform.at(ray.time);
+        let instance = self.accel.instance(hit.id.instance);
+        let placement = instance.transform.at(self.moment);
         let p = placement.to_object.transform_point3(ray.o + ray.d * hit.t);
-        let point = instance.shape.local_point(hit.id.prim, p, hit.uv, ray.time);
+        let point = instance
+            .shape
+            .local_point(hit.id.prim, p, hit.uv, self.moment.time());
         instance::to_world(hit.id.instance, &placement, &point)
     }
 }

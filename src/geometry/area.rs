@@ -8,7 +8,7 @@ use super::analytic;
 use super::instance::to_world;
 use super::motion::Placement;
 use super::shape::LocalPoint;
-use super::{Instance, InstanceId, Shape, SurfacePoint};
+use super::{Instance, InstanceId, Moment, Shape, SurfacePoint};
 use crate::math::distribution::AliasTable;
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -49,11 +49,12 @@ impl Shape {
 }
 
 impl Instance {
-    /// World area at `time`. Exact, except for spheres and cylinders under unequal scaling: relative error below 1e-4
+    /// World area at a moment. Exact, except for spheres and cylinders under unequal scaling: relative error below 1e-4
     /// for ratios of the axes up to 100. Takes time linear in the triangles of a mesh under unequal scaling.
     #[must_use]
-    pub fn area(&self, time: f64) -> f64 {
-        let placement = self.transform.at(time);
+    pub fn area<'a>(&'a self, moment: impl Into<Moment<'a>>) -> f64 {
+        let moment = moment.into();
+        let (placement, time) = (self.transform.at(moment), moment.time());
         let stretch = |n: DVec3| area_stretch(&placement, placement.normal_to_world(n));
         if is_similarity(placement.to_world.matrix3) {
             return self.shape.area(time) * stretch(DVec3::Z);
@@ -108,15 +109,16 @@ impl AreaSampler {
     /// A point of `instance`, whose shape this is the sampler of: `u` in [0,1)², `u_face` chooses the face or triangle.
     /// Takes constant time.
     #[must_use]
-    pub fn sample(
+    pub fn sample<'a>(
         &self,
-        instance: &Instance,
+        instance: &'a Instance,
         id: InstanceId,
-        time: f64,
+        moment: impl Into<Moment<'a>>,
         u_face: f64,
         u: DVec2,
     ) -> AreaSample {
-        let placement = instance.transform.at(time);
+        let moment = moment.into();
+        let (placement, time) = (instance.transform.at(moment), moment.time());
         let local = self.object_point(&instance.shape, u_face, u, time);
         let point = to_world(id, &placement, &local);
         AreaSample {
@@ -127,8 +129,15 @@ impl AreaSampler {
 
     /// The density per world area with which `sample` generates `point`.
     #[must_use]
-    pub fn pdf(&self, instance: &Instance, point: &SurfacePoint, time: f64) -> f64 {
-        self.density(instance, &instance.transform.at(time), point, time)
+    pub fn pdf<'a>(
+        &self,
+        instance: &'a Instance,
+        point: &SurfacePoint,
+        moment: impl Into<Moment<'a>>,
+    ) -> f64 {
+        let moment = moment.into();
+        let placement = instance.transform.at(moment);
+        self.density(instance, &placement, point, moment.time())
     }
 
     fn density(

@@ -367,7 +367,7 @@ impl Deforming {
             let end = |u: f64, v: f64| center + radius * uniform_sphere([u, v]);
             let (o, far) = (end(number(0), number(1)), end(number(2), number(3)));
             let time = self.corners.shutter.at(number(4));
-            let ray = Ray::new(o, (far - o).normalize(), time);
+            let ray = Ray::new(o, (far - o).normalize());
             let local = LocalRay::new(
                 &ray,
                 InstanceId(0),

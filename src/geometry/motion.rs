@@ -8,12 +8,11 @@
 //! |M''| by the product rule, for all points within a radius at once, so that no case (turns beyond half a turn, scaling
 //! while turning, a center far away) is special.
 
+use super::moment::Moment;
 use super::pose::{Pose, product_rule};
 use super::shutter::Shutter;
 use glam::{DAffine3, DMat3, DVec3};
 use std::borrow::Cow;
-use std::cell::RefCell;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// An affine map with its inverse.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +24,12 @@ pub struct Placement {
 }
 
 impl Placement {
+    /// That of a thing whose own space is the world.
+    pub const IDENTITY: Self = Self {
+        to_world: DAffine3::IDENTITY,
+        to_object: DAffine3::IDENTITY,
+    };
+
     /// The placement of an invertible map.
     #[must_use]
     pub fn new(to_world: DAffine3) -> Self {
@@ -48,6 +53,12 @@ pub enum Transform {
     Static(Placement),
     /// It moves.
     Moving(Box<Motion>),
+}
+
+impl From<Placement> for Transform {
+    fn from(placement: Placement) -> Self {
+        Self::Static(placement)
+    }
 }
 
 impl Transform {
@@ -84,13 +95,21 @@ impl Transform {
         Self::chain(&links, shutter)
     }
 
-    /// The placement at `time` (seconds).
+    /// The placement at a moment.
     #[must_use]
     #[inline]
-    pub fn at(&self, time: f64) -> Cow<'_, Placement> {
+    pub fn at<'a>(&'a self, moment: impl Into<Moment<'a>>) -> Cow<'a, Placement> {
         match self {
             Self::Static(placement) => Cow::Borrowed(placement),
-            Self::Moving(motion) => Cow::Owned(motion.placement(time)),
+            Self::Moving(motion) => motion.placement(moment.into()),
+        }
+    }
+
+    /// Gives a thing that moves the next number, by which moments remember its placement.
+    pub fn enumerate(&mut self, next: &mut usize) {
+        if let Self::Moving(motion) = self {
+            motion.number = Some(*next);
+            *next += 1;
         }
     }
 
@@ -129,29 +148,14 @@ pub enum Link {
 pub struct Motion {
     links: Vec<Link>,
     shutter: Shutter,
-    /// Its name in [`LATEST`], which copies share.
-    id: usize,
+    /// Number among the motions of a scene, see [`Transform::enumerate`].
+    number: Option<usize>,
 }
 
 impl PartialEq for Motion {
     fn eq(&self, other: &Self) -> bool {
         self.links == other.links && self.shutter == other.shutter
     }
-}
-
-/// Motions there were so far.
-static MOTIONS: AtomicUsize = AtomicUsize::new(0);
-
-thread_local! {
-    /// The latest placements asked for: all rays of a path meet a thing at one moment. By the last digits of ids.
-    static LATEST: RefCell<[Option<Latest>; 16]> = const { RefCell::new([None; 16]) };
-}
-
-#[derive(Clone, Copy)]
-struct Latest {
-    id: usize,
-    time: f64,
-    placement: Placement,
 }
 
 /// The product of a chain at `time`; at a step after it, or before it if `before`.
@@ -191,28 +195,18 @@ impl Motion {
         Self {
             links: merged,
             shutter,
-            id: MOTIONS.fetch_add(1, Ordering::Relaxed),
+            number: None,
         }
     }
 
-    /// The placement at `time`, which is moved into the shutter.
+    /// The placement at a moment, which is moved into the shutter.
     #[inline]
-    fn placement(&self, time: f64) -> Placement {
-        LATEST.with_borrow_mut(|latest| {
-            let slot = &mut latest[self.id % latest.len()];
-            match slot {
-                Some(last) if last.id == self.id && last.time == time => last.placement,
-                _ => {
-                    let placement = self.compute(time);
-                    *slot = Some(Latest {
-                        id: self.id,
-                        time,
-                        placement,
-                    });
-                    placement
-                }
-            }
-        })
+    fn placement<'a>(&self, moment: Moment<'a>) -> Cow<'a, Placement> {
+        let compute = || self.compute(moment.time());
+        match self.number.and_then(|number| moment.slot(number)) {
+            Some(slot) => Cow::Borrowed(slot.get_or_init(compute)),
+            None => Cow::Owned(compute()),
+        }
     }
 
     #[cold]
@@ -299,6 +293,7 @@ fn norm_bound(m: DMat3) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::moment::Placements;
     use super::super::pose::Rotation;
     use super::super::track::{Interpolation, Track};
     use super::*;
@@ -335,19 +330,25 @@ mod tests {
 
     #[test]
     fn kept_placements_are_those_of_the_thing_and_the_moment_asked_for() {
-        // more things than are kept, asked for in turns
+        let mut count = 0;
         let things: Vec<_> = (0..40)
             .map(|i| {
                 let shift = DAffine3::from_translation(DVec3::Y * f64::from(i));
-                Transform::chain(&[Link::Fixed(shift), slide()], SHUTTER)
+                let mut thing = Transform::chain(&[Link::Fixed(shift), slide()], SHUTTER);
+                thing.enumerate(&mut count);
+                thing
             })
             .collect();
+        assert_eq!(count, 40);
+        let mut placements = Placements::default();
         for time in [0.25, 0.5, 0.5, 0.25] {
+            let moment = placements.at(time, count);
             for (i, thing) in things.iter().enumerate() {
-                for thing in [thing, &thing.clone()] {
-                    let at = thing.at(time).to_world.translation;
+                for at in [moment, moment, time.into()] {
+                    let at = thing.at(at).to_world.translation;
                     assert_eq!(at, dvec3(time, i as f64, 0.0));
                 }
+                assert!(moment.slot(i).is_some_and(|slot| slot.get().is_some()));
             }
         }
     }

@@ -7,7 +7,7 @@ use super::{InstanceId, SurfaceId};
 use crate::math::predicates::transformed_error;
 use glam::{DAffine3, DVec3};
 
-/// A ray or a segment at one moment.
+/// A ray or a segment.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
     /// Origin in world space.
@@ -16,8 +16,6 @@ pub struct Ray {
     pub d: DVec3,
     /// Hits are in (0, `t_max`); infinite for an open ray.
     pub t_max: f64,
-    /// Moment in seconds.
-    pub time: f64,
     /// The face and root the origin lies on: never hit again; hits of other faces within the rounding error of the
     /// origin are ignored.
     pub start: Option<SurfaceId>,
@@ -28,12 +26,11 @@ pub struct Ray {
 impl Ray {
     /// An open ray from a point of free space.
     #[must_use]
-    pub fn new(o: DVec3, d: DVec3, time: f64) -> Self {
+    pub fn new(o: DVec3, d: DVec3) -> Self {
         Self {
             o,
             d,
             t_max: f64::INFINITY,
-            time,
             start: None,
             end: None,
         }
@@ -41,10 +38,10 @@ impl Ray {
 
     /// An open ray that leaves the surface `start` (if any).
     #[must_use]
-    pub fn leaving(o: DVec3, d: DVec3, time: f64, start: Option<SurfaceId>) -> Self {
+    pub fn leaving(o: DVec3, d: DVec3, start: Option<SurfaceId>) -> Self {
         Self {
             start,
-            ..Self::new(o, d, time)
+            ..Self::new(o, d)
         }
     }
 

@@ -44,6 +44,19 @@ pub(super) struct LocalPoint {
 }
 
 impl Shape {
+    /// Name in messages.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Sphere => "sphere",
+            Self::Disk { .. } => "disk",
+            Self::Quad => "quad",
+            Self::Cylinder => "cylinder",
+            Self::Box => "box",
+            Self::Mesh(_) | Self::Deforming(_) => "mesh",
+        }
+    }
+
     /// Whether the shape bounds a solid (mesh: every edge shared by two triangles of opposite winding; takes time
     /// n log n).
     #[must_use]

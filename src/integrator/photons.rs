@@ -1,6 +1,7 @@
 //! The first phase of a pass with merging: light sub-paths, before any camera sub-path.
 
 use super::sample::{SensorJob, begin, start_light};
+use crate::geometry::Placements;
 use crate::medium::MediumLanes;
 use crate::spectrum::SensorResponse;
 use crate::transport::{Counters, PassSettings, PhotonBuffer, Subpath};
@@ -8,6 +9,7 @@ use crate::transport::{Counters, PassSettings, PhotonBuffer, Subpath};
 /// Traces light sub-paths and stores their vertices, with the buffers of one thread.
 #[derive(Debug, Default)]
 pub struct PhotonTracer {
+    placements: Placements,
     media: Vec<MediumLanes>,
     light: Subpath,
     /// Counts of this thread.
@@ -25,7 +27,8 @@ impl PhotonTracer {
     ) {
         // what paths are worth to a sensor is of no use here
         let response = SensorResponse::Xyz;
-        let (sampler, context) = begin(job, pass, pixel, response, &mut self.media);
+        let (placements, media) = (&mut self.placements, &mut self.media);
+        let (sampler, context) = begin(job, pass, pixel, response, placements, media);
         let (light, counters) = (&mut self.light, &mut self.counters);
         if start_light(&context, light, job.max_depth(), &sampler, counters) {
             let before = buffer.len();

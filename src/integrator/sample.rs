@@ -7,7 +7,7 @@
 use super::strategies;
 use crate::bsdf::Side;
 use crate::film::Crop;
-use crate::geometry::{EndPoint, Ray};
+use crate::geometry::{EndPoint, Placements, Ray};
 use crate::medium::MediumLanes;
 use crate::sampler::{Draw, Sampler};
 use crate::scene::regularization::{Decision, Mode, decide};
@@ -150,6 +150,7 @@ fn light_paths(crop: &Crop, heroes: u32) -> Vec<u64> {
 /// Buffers that one thread reuses from sample to sample.
 #[derive(Debug, Default)]
 pub struct Workspace {
+    placements: Placements,
     media: Vec<MediumLanes>,
     light: Subpath,
     camera: Subpath,
@@ -175,6 +176,7 @@ pub(super) fn begin<'a>(
     pass: &'a PassSettings,
     (x, y): (u32, u32),
     response: SensorResponse,
+    placements: &'a mut Placements,
     media: &'a mut Vec<MediumLanes>,
 ) -> (Sampler, PathContext<'a>) {
     let scene = job.scene;
@@ -205,11 +207,10 @@ pub(super) fn begin<'a>(
     media.clear();
     media.extend(scene.media.iter().map(|m| m.sample(&wavelengths)));
     let context = PathContext {
-        scene,
+        scene: scene.at(time, placements),
         sensor: job.sensor,
         pass,
         media,
-        time,
         response: response.at(&wavelengths),
         wavelengths,
     };
@@ -245,6 +246,7 @@ pub fn sample_and_merge(
     let settings = job.settings;
     let sensor = &scene.sensors[job.sensor];
     let Workspace {
+        placements,
         media,
         light,
         camera,
@@ -255,7 +257,7 @@ pub fn sample_and_merge(
     } = workspace;
     contributions.clear();
     counters.paths += 1;
-    let (sampler, context) = begin(job, pass, (x, y), response, media);
+    let (sampler, context) = begin(job, pass, (x, y), response, placements, media);
     let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.set(Draw::Film);
     let max_depth = job.max_depth();
 
@@ -263,7 +265,7 @@ pub fn sample_and_merge(
     let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) + offset;
     let start = sensor
         .camera
-        .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.time);
+        .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.moment());
     camera.restart(start.xk, sensor.stack.region(), None, start.pdf_xk);
     let strategies = job.strategies_of(pass, (x, y));
     if strategies.wants_camera_walk() {
@@ -274,7 +276,7 @@ pub fn sample_and_merge(
             &context,
             camera,
             Start {
-                ray: Ray::leaving(x_sensor.p, start.direction, context.time, x_sensor.surface),
+                ray: Ray::leaving(x_sensor.p, start.direction, x_sensor.surface),
                 stack: sensor.stack.clone(),
                 throughput: Throughput::splat(start.weight).times(&eta2),
                 pdf: start.pdf_direction,
@@ -364,9 +366,9 @@ pub(super) fn start_light(
     let Some((id, probability, u_face)) = scene.selection.sample(u_light) else {
         return false;
     };
-    let light = &scene.lights[id.0 as usize];
+    let light = scene.light(id);
     let Some(emission) = light.sample_emission(
-        &context.light_context(),
+        &scene.geometry,
         &context.wavelengths,
         u_face,
         DVec2::new(u_x, u_y),
@@ -374,7 +376,7 @@ pub(super) fn start_light(
     ) else {
         return false;
     };
-    let stack = &scene.light_stacks[id.0 as usize];
+    let stack = scene.light_stack(id);
     path.restart(
         emission.x0,
         stack.region(),
@@ -387,12 +389,7 @@ pub(super) fn start_light(
         context,
         path,
         Start {
-            ray: Ray::leaving(
-                emission.origin,
-                emission.direction,
-                context.time,
-                x0.surface,
-            ),
+            ray: Ray::leaving(emission.origin, emission.direction, x0.surface),
             stack: stack.clone(),
             throughput: Throughput::splat(1.0 / probability).times(&weight),
             pdf: emission.pdf_direction,

@@ -5,12 +5,9 @@
 
 use crate::camera::Camera;
 use crate::camera::Resolution;
-use crate::camera::orthographic::Orthographic;
-use crate::camera::perspective::Perspective;
 use crate::film::Filter;
 use crate::geometry::{Instance, Shutter, Transform};
 use crate::light::Light;
-use crate::light::environment::EnvironmentLight;
 use crate::light::environment_image::EnvironmentImage;
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, Medium, MediumId};
@@ -146,10 +143,10 @@ impl ModelCamera {
         let transform = self.transform.clone();
         let camera = match self.projection {
             Projection::Perspective { fov_rad, .. } => {
-                Camera::Perspective(Perspective::new(transform, resolution, fov_rad, None))
+                Camera::perspective(transform, resolution, fov_rad, None)
             }
             Projection::Orthographic { height, aspect } => {
-                Camera::Orthographic(Orthographic::new(transform, resolution, height * aspect))
+                Camera::orthographic(transform, resolution, height * aspect)
             }
         };
         SensorDescription {
@@ -252,11 +249,7 @@ pub fn studio(white: Emission, to_world: DMat3) -> Light {
     let image = Image::from_floats(WIDTH, HEIGHT, values)
         .ok()
         .and_then(|image| EnvironmentImage::new(Arc::new(image), to_world));
-    Light::Environment(EnvironmentLight {
-        radiance: white,
-        image: image.map(Arc::new),
-        motion: None,
-    })
+    Light::environment(white, image.map(Arc::new))
 }
 
 #[cfg(test)]

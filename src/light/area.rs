@@ -3,24 +3,21 @@
 //! Radiance is the same in every direction of an emitting side, and over the whole surface but for a pattern. Points are drawn by world
 //! area (a mesh is one light with one area table), directions by the cosine.
 
-use super::{DirectSample, EmissionSample, LightContext, factor, unit_from_to};
+use super::{DirectSample, EmissionSample, factor, unit_from_to};
 use crate::geometry::area::AreaSample;
 use crate::geometry::{
-    AreaSampler, DirectionalDensity, EndPoint, Instance, InstanceId, SurfacePoint,
+    AccelAt, AreaSampler, DirectionalDensity, EndPoint, Instance, InstanceId, SurfacePoint,
 };
 use crate::math::{frame::Frame, sampling};
-use crate::spectrum::Emission;
 use crate::texture::SpectrumTexture;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
-/// An emitting instance.
+/// Emission of radiance from an instance: W/(m² sr nm), and W/(m² sr) per line.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
     /// The surface that emits.
     pub instance: InstanceId,
-    /// Radiance, W/(m² sr nm) and W/(m² sr) per line.
-    pub radiance: Emission,
     /// Factor on the radiance over the surface; `None`: 1.
     pub pattern: Option<SpectrumTexture>,
     /// What draws its points.
@@ -30,15 +27,15 @@ pub struct AreaLight {
 }
 
 impl AreaLight {
-    fn geometry<'a>(&self, context: &LightContext<'a>) -> &'a Instance {
-        &context.accel.instances()[self.instance.0 as usize]
+    fn geometry<'a>(&self, context: &AccelAt<'a>) -> &'a Instance {
+        context.accel().instance(self.instance)
     }
 
     /// A point of the surface.
-    pub(crate) fn sample(&self, context: &LightContext, u_face: f64, u: DVec2) -> AreaSample {
+    pub(crate) fn sample(&self, context: &AccelAt, u_face: f64, u: DVec2) -> AreaSample {
         let instance = self.geometry(context);
         self.sampler
-            .sample(instance, self.instance, context.time, u_face, u)
+            .sample(instance, self.instance, context.moment(), u_face, u)
     }
 
     fn sides(&self) -> f64 {
@@ -46,9 +43,9 @@ impl AreaLight {
     }
 
     /// Flux per unit radiance.
-    pub(super) fn flux_factor(&self, context: &LightContext) -> f64 {
+    pub(super) fn flux_factor(&self, context: &AccelAt) -> f64 {
         let mean = self.pattern.as_ref().map_or(1.0, SpectrumTexture::mean);
-        PI * self.geometry(context).area(context.time) * self.sides() * mean
+        PI * self.geometry(context).area(context.moment()) * self.sides() * mean
     }
 
     /// Cosine towards `direction` (away from the light) where that side emits, else 0.
@@ -63,7 +60,7 @@ impl AreaLight {
 
     pub(super) fn sample_emission(
         &self,
-        context: &LightContext,
+        context: &AccelAt,
         u_face: f64,
         u_pos: DVec2,
         u_dir: DVec2,
@@ -103,7 +100,7 @@ impl AreaLight {
 
     pub(super) fn emission_density(
         &self,
-        context: &LightContext,
+        context: &AccelAt,
         x0: &EndPoint,
         direction: DVec3,
     ) -> (f64, DirectionalDensity) {
@@ -114,7 +111,7 @@ impl AreaLight {
         )
     }
 
-    fn area_density(&self, context: &LightContext, x0: &EndPoint) -> f64 {
+    fn area_density(&self, context: &AccelAt, x0: &EndPoint) -> f64 {
         let Some(id) = x0.surface.filter(|s| s.instance == self.instance) else {
             return 0.0;
         };
@@ -126,12 +123,12 @@ impl AreaLight {
             id,
         };
         self.sampler
-            .pdf(self.geometry(context), &point, context.time)
+            .pdf(self.geometry(context), &point, context.moment())
     }
 
     pub(super) fn sample_direct(
         &self,
-        context: &LightContext,
+        context: &AccelAt,
         x1: DVec3,
         u_face: f64,
         u: DVec2,
@@ -148,7 +145,7 @@ impl AreaLight {
         })
     }
 
-    pub(super) fn direct_density(&self, context: &LightContext, x1: DVec3, x0: &EndPoint) -> f64 {
+    pub(super) fn direct_density(&self, context: &AccelAt, x1: DVec3, x0: &EndPoint) -> f64 {
         if self.emitting_cos(x0.n, x1 - x0.p) > 0.0 {
             self.area_density(context, x0)
         } else {

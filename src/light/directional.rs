@@ -2,48 +2,33 @@
 //!
 //! Emission starts on a disc of the bounding sphere's radius, outside the scene and normal to the light.
 
-use super::{
-    DirectSample, EmissionSample, LightContext, factor, far_disk_origin, placed_axis, posed,
-};
-use crate::geometry::{DirectionalDensity, EndPoint, Transform};
-use crate::spectrum::Emission;
-use glam::{DVec2, DVec3};
+use super::{DirectSample, EmissionSample, factor, far_disk_origin, placed_axis};
+use crate::geometry::{AccelAt, DirectionalDensity, EndPoint, Placement};
+use glam::DVec2;
 use std::f64::consts::PI;
 
-/// A light at infinity that travels along the +z axis of its own space.
+/// Irradiance on a surface that faces a light at infinity, which travels along the +z axis of its own space (the position
+/// does not matter): W/(m² nm), and W/m² per line.
 #[derive(Clone, Debug, PartialEq)]
-pub struct DirectionalLight {
-    /// Its orientation (a rigid motion; the position does not matter).
-    pub transform: Transform,
-    /// Irradiance on a surface that faces the light, W/(m² nm) and W/m² per line.
-    pub irradiance: Emission,
-}
+pub struct DirectionalLight;
 
 impl DirectionalLight {
-    /// Light at rest that travels along `direction` (any non-zero length).
-    #[must_use]
-    pub fn along(direction: DVec3, irradiance: Emission) -> Self {
-        Self {
-            transform: posed(DVec3::ZERO, direction),
-            irradiance,
-        }
-    }
-
-    fn end(&self, time: f64) -> EndPoint {
-        EndPoint::toward_infinity(placed_axis(&self.transform, time))
+    fn end(place: &Placement) -> EndPoint {
+        EndPoint::toward_infinity(placed_axis(place))
     }
 
     /// Flux through the scene's bounding sphere per unit irradiance.
-    pub(super) fn flux_factor(context: &LightContext) -> f64 {
-        PI * context.radius * context.radius
+    pub(super) fn flux_factor(context: &AccelAt) -> f64 {
+        let radius = context.accel().radius();
+        PI * radius * radius
     }
 
     pub(super) fn sample_emission(
-        &self,
-        context: &LightContext,
+        context: &AccelAt,
+        place: &Placement,
         u_pos: DVec2,
     ) -> Option<EmissionSample> {
-        let x0 = self.end(context.time);
+        let x0 = Self::end(place);
         let area = Self::flux_factor(context);
         (area > 0.0).then(|| EmissionSample {
             x0,
@@ -55,8 +40,8 @@ impl DirectionalLight {
         })
     }
 
-    pub(super) fn sample_direct(&self, time: f64) -> DirectSample {
-        let x0 = self.end(time);
+    pub(super) fn sample_direct(place: &Placement) -> DirectSample {
+        let x0 = Self::end(place);
         DirectSample {
             x0,
             toward: -x0.n,

@@ -4,74 +4,57 @@
 //! then a point of the disc of the bounding sphere's radius, outside the scene and normal to it.
 
 use super::environment_image::EnvironmentImage;
-use super::{DirectSample, EmissionSample, LightContext, factor, far_disk_origin};
-use crate::geometry::{DirectionalDensity, EndPoint, Transform};
+use super::{DirectSample, EmissionSample, factor, far_disk_origin};
+use crate::geometry::{AccelAt, DirectionalDensity, EndPoint, Placement};
 use crate::math::sampling;
-use crate::spectrum::{Emission, SampledSpectrum, SampledWavelengths};
+use crate::spectrum::{SampledSpectrum, SampledWavelengths};
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// An environment.
-#[derive(Clone, Debug)]
+/// Radiance from every direction: W/(m² sr nm), and W/(m² sr) per line.
+#[derive(Clone, Debug, Default)]
 pub struct EnvironmentLight {
-    /// Radiance, W/(m² sr nm) and W/(m² sr) per line.
-    pub radiance: Emission,
     /// Factor on the radiance by direction; `None`: 1.
     pub image: Option<Arc<EnvironmentImage>>,
-    /// What turns the image over the shutter, beyond its own place; `None`: nothing. Only the rotation matters.
-    pub motion: Option<Box<Transform>>,
 }
 
-impl EnvironmentLight {
-    /// The same radiance from everywhere.
-    #[must_use]
-    pub fn uniform(radiance: Emission) -> Self {
-        Self {
-            radiance,
-            image: None,
-            motion: None,
-        }
-    }
+/// Placement of a thing that turns the image beyond its own place; `None`: nothing does. Only the rotation matters.
+type Turn<'a> = Option<&'a Placement>;
 
+impl EnvironmentLight {
     /// A direction in the world as one around the image at rest.
-    fn at_rest(&self, direction: DVec3, time: f64) -> DVec3 {
-        match &self.motion {
-            None => direction,
-            Some(motion) => motion.at(time).to_object.transform_vector3(direction),
-        }
+    fn at_rest(turn: Turn, direction: DVec3) -> DVec3 {
+        turn.map_or(direction, |p| p.to_object.transform_vector3(direction))
     }
 
     /// A direction around the image at rest as one in the world.
-    fn in_world(&self, direction: DVec3, time: f64) -> DVec3 {
-        match &self.motion {
-            None => direction,
-            Some(motion) => motion.at(time).to_world.transform_vector3(direction),
-        }
+    fn in_world(turn: Turn, direction: DVec3) -> DVec3 {
+        turn.map_or(direction, |p| p.to_world.transform_vector3(direction))
     }
 
     /// Factor on the radiance for light that travels along `direction`; `None`: 1.
     pub(super) fn factor(
         &self,
+        turn: Turn,
         direction: DVec3,
-        time: f64,
         wavelengths: &SampledWavelengths,
     ) -> Option<SampledSpectrum> {
         let image = self.image.as_ref()?;
-        Some(image.factor(self.at_rest(direction, time), wavelengths))
+        Some(image.factor(Self::at_rest(turn, direction), wavelengths))
     }
 
     /// Density per solid angle of the direction in which the light travels, for emission and connection alike.
-    pub(super) fn direction_pdf(&self, direction: DVec3, time: f64) -> f64 {
+    pub(super) fn direction_pdf(&self, turn: Turn, direction: DVec3) -> f64 {
         self.image
             .as_ref()
             .map_or(sampling::UNIFORM_SPHERE_PDF, |image| {
-                image.pdf(self.at_rest(direction, time))
+                image.pdf(Self::at_rest(turn, direction))
             })
     }
 
     /// A direction in which light travels, and its density.
-    fn sample_direction(&self, u_texel: f64, u: DVec2, time: f64) -> (DVec3, f64) {
+    fn sample_direction(&self, turn: Turn, u_texel: f64, u: DVec2) -> (DVec3, f64) {
         match &self.image {
             None => (
                 sampling::uniform_sphere(u.into()),
@@ -79,41 +62,45 @@ impl EnvironmentLight {
             ),
             Some(image) => {
                 let (direction, pdf) = image.sample(u_texel, u);
-                (self.in_world(direction, time), pdf)
+                (Self::in_world(turn, direction), pdf)
             }
         }
     }
 
     /// Density per area normal to the direction.
-    pub(super) fn disk_density(context: &LightContext) -> DirectionalDensity {
-        DirectionalDensity::Perpendicular(1.0 / (PI * context.radius * context.radius))
+    pub(super) fn disk_density(context: &AccelAt) -> DirectionalDensity {
+        DirectionalDensity::Perpendicular(
+            1.0 / (PI * context.accel().radius() * context.accel().radius()),
+        )
     }
 
     /// Flux into the scene's bounding sphere per unit radiance.
-    pub(super) fn flux_factor(&self, context: &LightContext) -> f64 {
+    pub(super) fn flux_factor(&self, context: &AccelAt) -> f64 {
         let mean = self.image.as_ref().map_or(1.0, |image| image.mean());
-        PI * context.radius * context.radius / sampling::UNIFORM_SPHERE_PDF * mean
+        PI * context.accel().radius() * context.accel().radius() / sampling::UNIFORM_SPHERE_PDF
+            * mean
     }
 
     pub(super) fn sample_emission(
         &self,
-        context: &LightContext,
+        context: &AccelAt,
+        turn: Turn,
         u_texel: f64,
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        let (direction, pdf) = self.sample_direction(u_texel, u_dir, context.time);
-        (context.radius > 0.0 && pdf > 0.0).then(|| EmissionSample {
+        let (direction, pdf) = self.sample_direction(turn, u_texel, u_dir);
+        (context.accel().radius() > 0.0 && pdf > 0.0).then(|| EmissionSample {
             x0: EndPoint::toward_infinity(direction),
             origin: far_disk_origin(context, direction, u_pos),
             direction,
             pdf_x0: pdf,
             pdf_direction: Self::disk_density(context),
-            weight: factor(PI * context.radius * context.radius / pdf),
+            weight: factor(PI * context.accel().radius() * context.accel().radius() / pdf),
         })
     }
 
-    pub(super) fn sample_direct(&self, u_texel: f64, u: DVec2, time: f64) -> Option<DirectSample> {
+    pub(super) fn sample_direct(&self, turn: Turn, u_texel: f64, u: DVec2) -> Option<DirectSample> {
         let (toward, pdf) = match &self.image {
             None => (
                 sampling::uniform_sphere(u.into()),
@@ -121,7 +108,7 @@ impl EnvironmentLight {
             ),
             Some(image) => {
                 let (direction, pdf) = image.sample(u_texel, u);
-                (-self.in_world(direction, time), pdf)
+                (-Self::in_world(turn, direction), pdf)
             }
         };
         (pdf > 0.0).then(|| DirectSample {

@@ -17,30 +17,25 @@ pub mod selection;
 pub mod spot;
 
 use crate::geometry::{
-    Accel, DirectionalDensity, EndPoint, Link, Shutter, SurfacePoint, Transform,
+    AccelAt, DirectionalDensity, EndPoint, Link, Placement, Shutter, SurfacePoint, Transform,
 };
 use crate::math::{frame::Frame, sampling};
 use crate::spectrum::{Emission, SampledSpectrum, SampledWavelengths};
 use crate::texture::Image;
+use area::AreaLight;
+use beam::BeamLight;
+use directional::DirectionalLight;
+use environment::EnvironmentLight;
+use environment_image::EnvironmentImage;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
+use point::PointLight;
+use spot::SpotLight;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Index of a light in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct LightId(pub u32);
-
-/// What lights need to know of the scene.
-#[derive(Clone, Copy, Debug)]
-pub struct LightContext<'a> {
-    /// The geometry (area lights sample and measure their instance through it).
-    pub accel: &'a Accel,
-    /// Centre of the scene's bounding sphere.
-    pub center: DVec3,
-    /// Radius `R_s` of the scene's bounding sphere.
-    pub radius: f64,
-    /// Moment in seconds.
-    pub time: f64,
-}
 
 /// The start of a light sub-path with its first direction.
 #[derive(Clone, Copy, Debug)]
@@ -90,115 +85,200 @@ pub enum HitMeasure {
 
 /// A light source.
 #[derive(Clone, Debug)]
-pub enum Light {
+pub struct Light {
+    /// Spectrum of the emission, in the unit of its kind.
+    pub emission: Emission,
+    /// Placement over the shutter; `None`: its own space is the world, or it is a surface, whose instance has it. An
+    /// environment has one where something turns its image.
+    pub transform: Option<Transform>,
+    /// The way it emits.
+    pub kind: LightKind,
+}
+
+/// The kinds of lights.
+#[derive(Clone, Debug)]
+pub enum LightKind {
     /// An emitting instance of any shape.
-    Area(area::AreaLight),
+    Area(AreaLight),
     /// Isotropic point.
-    Point(point::PointLight),
+    Point(PointLight),
     /// Point with a cone.
-    Spot(spot::SpotLight),
+    Spot(SpotLight),
     /// Parallel light over the whole scene.
-    Directional(directional::DirectionalLight),
+    Directional(DirectionalLight),
     /// Parallel light of finite aperture.
-    Beam(beam::BeamLight),
+    Beam(BeamLight),
     /// From everywhere: the same radiance, or that of an image.
-    Environment(environment::EnvironmentLight),
+    Environment(EnvironmentLight),
+}
+
+impl LightKind {
+    /// Name in messages.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Area(_) => "area",
+            Self::Point(_) => "point",
+            Self::Spot(_) => "spot",
+            Self::Directional(_) => "directional",
+            Self::Beam(_) => "beam",
+            Self::Environment(_) => "environment",
+        }
+    }
 }
 
 impl Light {
-    /// The emission spectrum.
+    /// The light of a surface that emits `radiance`.
     #[must_use]
-    pub fn emission(&self) -> &Emission {
-        match self {
-            Self::Area(light) => &light.radiance,
-            Self::Point(light) => &light.intensity,
-            Self::Spot(light) => &light.intensity,
-            Self::Directional(light) => &light.irradiance,
-            Self::Beam(light) => &light.irradiance,
-            Self::Environment(light) => &light.radiance,
+    pub fn area(radiance: Emission, area: AreaLight) -> Self {
+        Self {
+            emission: radiance,
+            transform: None,
+            kind: LightKind::Area(area),
         }
     }
 
-    /// The same light with another emission spectrum.
+    /// A point at rest with `intensity` in all directions.
     #[must_use]
-    pub fn map_emission(mut self, f: impl FnOnce(Emission) -> Emission) -> Self {
-        let emission = match &mut self {
-            Self::Area(light) => &mut light.radiance,
-            Self::Point(light) => &mut light.intensity,
-            Self::Spot(light) => &mut light.intensity,
-            Self::Directional(light) => &mut light.irradiance,
-            Self::Beam(light) => &mut light.irradiance,
-            Self::Environment(light) => &mut light.radiance,
-        };
-        *emission = f(std::mem::take(emission));
-        self
+    pub fn point(position: DVec3, intensity: Emission) -> Self {
+        Self {
+            emission: intensity,
+            transform: Some(Transform::fixed(DAffine3::from_translation(position))),
+            kind: LightKind::Point(PointLight),
+        }
     }
 
-    /// Where a light that is not a surface is over the shutter; `None` for area lights (their instance has it) and for an
-    /// environment that does not turn.
+    /// A point at rest that shines along `direction` (any non-zero length) with `intensity` on the axis.
     #[must_use]
-    pub fn transform(&self) -> Option<&Transform> {
-        match self {
-            Self::Area(_) => None,
-            Self::Environment(light) => light.motion.as_deref(),
-            Self::Point(light) => Some(&light.transform),
-            Self::Spot(light) => Some(&light.transform),
-            Self::Directional(light) => Some(&light.transform),
-            Self::Beam(light) => Some(&light.transform),
+    pub fn spot(position: DVec3, direction: DVec3, intensity: Emission, cone: SpotLight) -> Self {
+        Self {
+            emission: intensity,
+            transform: Some(posed(position, direction).into()),
+            kind: LightKind::Spot(cone),
+        }
+    }
+
+    /// Parallel light at rest that travels along `direction` (any non-zero length).
+    #[must_use]
+    pub fn directional(direction: DVec3, irradiance: Emission) -> Self {
+        Self {
+            emission: irradiance,
+            transform: Some(posed(DVec3::ZERO, direction).into()),
+            kind: LightKind::Directional(DirectionalLight),
+        }
+    }
+
+    /// A beam at rest whose aperture of radius `radius_m` is centred on `position` and which travels along `direction` (any
+    /// non-zero length).
+    #[must_use]
+    pub fn beam(position: DVec3, direction: DVec3, irradiance: Emission, radius_m: f64) -> Self {
+        Self {
+            emission: irradiance,
+            transform: Some(posed(position, direction).into()),
+            kind: LightKind::Beam(BeamLight { radius_m }),
+        }
+    }
+
+    /// An environment, the same from everywhere or with the factors of `image`.
+    #[must_use]
+    pub fn environment(radiance: Emission, image: Option<Arc<EnvironmentImage>>) -> Self {
+        Self {
+            emission: radiance,
+            transform: None,
+            kind: LightKind::Environment(EnvironmentLight { image }),
+        }
+    }
+
+    /// The surface that emits, if it is one.
+    #[must_use]
+    pub fn as_area(&self) -> Option<&AreaLight> {
+        match &self.kind {
+            LightKind::Area(light) => Some(light),
+            _ => None,
+        }
+    }
+
+    /// The environment, if it is one.
+    #[must_use]
+    pub fn as_environment(&self) -> Option<&EnvironmentLight> {
+        match &self.kind {
+            LightKind::Environment(light) => Some(light),
+            _ => None,
         }
     }
 
     /// The same light inside a hierarchy of moving `parents` (the outermost first; without scale) over `shutter`.
     #[must_use]
     pub fn under(mut self, parents: &[Link], shutter: Shutter) -> Self {
-        let transform = match &mut self {
-            Self::Area(_) => return self,
+        let turns_alike = match &self.kind {
+            LightKind::Area(_) => true,
             // without an image it is the same however it turns
-            Self::Environment(light) if light.image.is_none() => return self,
-            Self::Environment(light) => light
-                .motion
-                .get_or_insert_with(|| Box::new(Transform::fixed(DAffine3::IDENTITY))),
-            Self::Point(light) => &mut light.transform,
-            Self::Spot(light) => &mut light.transform,
-            Self::Directional(light) => &mut light.transform,
-            Self::Beam(light) => &mut light.transform,
+            LightKind::Environment(light) => light.image.is_none(),
+            _ => false,
         };
-        *transform = transform.under(parents, shutter);
+        if !turns_alike {
+            let rest = || Transform::fixed(DAffine3::IDENTITY);
+            let transform = self.transform.take().unwrap_or_else(rest);
+            self.transform = Some(transform.under(parents, shutter));
+        }
         self
+    }
+
+    /// Whether it moves while the shutter is open, other than with its surface.
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        self.transform.as_ref().is_some_and(Transform::is_moving)
+    }
+
+    fn turn<'a>(&'a self, context: &AccelAt<'a>) -> Option<Cow<'a, Placement>> {
+        let transform = self.transform.as_ref()?;
+        Some(transform.at(context.moment()))
+    }
+
+    /// Placement at the moment of `context`; a light without one rests in the world.
+    #[must_use]
+    pub fn placement<'a>(&'a self, context: &AccelAt<'a>) -> Cow<'a, Placement> {
+        let rest = || Cow::Borrowed(&Placement::IDENTITY);
+        self.turn(context).unwrap_or_else(rest)
     }
 
     /// Whether it is infinitely far away.
     #[must_use]
     pub fn is_infinite(&self) -> bool {
-        matches!(self, Self::Directional(_) | Self::Environment(_))
+        matches!(
+            self.kind,
+            LightKind::Directional(_) | LightKind::Environment(_)
+        )
     }
 
     /// Emitted power weighted by visibility (any common unit): for choosing lights.
     #[must_use]
-    pub fn power(&self, context: &LightContext) -> f64 {
-        self.emission().visible_power() * self.flux_factor(context)
+    pub fn power(&self, context: &AccelAt) -> f64 {
+        self.emission.visible_power() * self.flux_factor(context)
     }
 
     /// Flux per unit emission that can reach the scene.
-    fn flux_factor(&self, context: &LightContext) -> f64 {
-        match self {
-            Self::Area(light) => light.flux_factor(context),
-            Self::Point(_) => point::PointLight::FLUX_FACTOR,
-            Self::Spot(light) => light.flux_factor(),
-            Self::Directional(_) => directional::DirectionalLight::flux_factor(context),
-            Self::Beam(light) => light.area(),
-            Self::Environment(light) => light.flux_factor(context),
+    fn flux_factor(&self, context: &AccelAt) -> f64 {
+        match &self.kind {
+            LightKind::Area(light) => light.flux_factor(context),
+            LightKind::Point(_) => PointLight::FLUX_FACTOR,
+            LightKind::Spot(light) => light.flux_factor(),
+            LightKind::Directional(_) => DirectionalLight::flux_factor(context),
+            LightKind::Beam(light) => light.area(),
+            LightKind::Environment(light) => light.flux_factor(context),
         }
     }
 
     /// Roughly the angular radius in radians under which the light is seen from `p`; 0 for lights without extent and for the
     /// environment.
     #[must_use]
-    pub fn angular_radius(&self, context: &LightContext, p: DVec3) -> f64 {
-        let Self::Area(light) = self else { return 0.0 };
-        let instance = &context.accel.instances()[light.instance.0 as usize];
+    pub fn angular_radius(&self, context: &AccelAt, p: DVec3) -> f64 {
+        let Some(light) = self.as_area() else {
+            return 0.0;
+        };
+        let instance = context.accel().instance(light.instance);
         let center = light.sample(context, 0.5, DVec2::splat(0.5)).point.p;
-        let radius = (instance.area(context.time) / std::f64::consts::PI).sqrt();
+        let radius = (instance.area(context.moment()) / std::f64::consts::PI).sqrt();
         radius.atan2(center.distance(p))
     }
 
@@ -207,14 +287,14 @@ impl Light {
     #[must_use]
     pub fn sample_emission(
         &self,
-        context: &LightContext,
+        context: &AccelAt,
         wavelengths: &SampledWavelengths,
         u_face: f64,
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
         let mut sample = self.start(context, u_face, u_pos, u_dir)?;
-        sample.weight *= self.emission().sample(wavelengths);
+        sample.weight *= self.emission.sample(wavelengths);
         if let Some(pattern) = self.pattern_at(context, &sample.x0, wavelengths) {
             sample.weight *= pattern;
         }
@@ -224,17 +304,19 @@ impl Light {
     /// The factor on the emission at x₀, where it varies over the light.
     fn pattern_at(
         &self,
-        context: &LightContext,
+        context: &AccelAt,
         x0: &EndPoint,
         wavelengths: &SampledWavelengths,
     ) -> Option<SampledSpectrum> {
-        match self {
-            Self::Area(light) => {
+        match &self.kind {
+            LightKind::Area(light) => {
                 let (pattern, face) = (light.pattern.as_ref()?, x0.surface?);
-                let uv = context.accel.texture_coordinates(face, x0.p, context.time);
+                let uv = context.texture_coordinates(face, x0.p);
                 Some(pattern.sample(uv, wavelengths))
             }
-            Self::Environment(light) => light.factor(x0.n, context.time, wavelengths),
+            LightKind::Environment(light) => {
+                light.factor(self.turn(context).as_deref(), x0.n, wavelengths)
+            }
             _ => None,
         }
     }
@@ -242,18 +324,18 @@ impl Light {
     /// Whether the radiance of an area light depends on the texture coordinates of the point.
     #[must_use]
     pub fn has_pattern(&self) -> bool {
-        matches!(self, Self::Area(light) if light.pattern.is_some())
+        self.as_area().is_some_and(|light| light.pattern.is_some())
     }
 
     /// Appends the images behind it.
     pub fn append_images(&self, out: &mut Vec<Arc<Image>>) {
-        match self {
-            Self::Area(light) => {
+        match &self.kind {
+            LightKind::Area(light) => {
                 if let Some(pattern) = &light.pattern {
                     pattern.append_images(out);
                 }
             }
-            Self::Environment(light) => {
+            LightKind::Environment(light) => {
                 out.extend(light.image.iter().map(|i| i.image().clone()));
             }
             _ => {}
@@ -263,18 +345,22 @@ impl Light {
     /// `sample_emission` for unit emission.
     fn start(
         &self,
-        context: &LightContext,
+        context: &AccelAt,
         u_face: f64,
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        match self {
-            Self::Area(light) => light.sample_emission(context, u_face, u_pos, u_dir),
-            Self::Point(light) => Some(light.sample_emission(context.time, u_dir)),
-            Self::Spot(light) => light.sample_emission(context.time, u_dir),
-            Self::Directional(light) => light.sample_emission(context, u_pos),
-            Self::Beam(light) => Some(light.sample_emission(context.time, u_pos)),
-            Self::Environment(light) => light.sample_emission(context, u_face, u_pos, u_dir),
+        let place = self.placement(context);
+        match &self.kind {
+            LightKind::Area(light) => light.sample_emission(context, u_face, u_pos, u_dir),
+            LightKind::Point(_) => Some(PointLight::sample_emission(&place, u_dir)),
+            LightKind::Spot(light) => light.sample_emission(&place, u_dir),
+            LightKind::Directional(_) => DirectionalLight::sample_emission(context, &place, u_pos),
+            LightKind::Beam(light) => Some(light.sample_emission(&place, u_pos)),
+            LightKind::Environment(light) => {
+                let turn = self.turn(context);
+                light.sample_emission(context, turn.as_deref(), u_face, u_pos, u_dir)
+            }
         }
     }
 
@@ -282,26 +368,26 @@ impl Light {
     #[must_use]
     pub fn emission_density(
         &self,
-        context: &LightContext,
+        context: &AccelAt,
         x0: &EndPoint,
         direction: DVec3,
     ) -> (f64, DirectionalDensity) {
         use DirectionalDensity::{Perpendicular, SolidAngle};
-        match self {
-            Self::Area(light) => light.emission_density(context, x0, direction),
-            Self::Point(_) => (1.0, SolidAngle(point::PointLight::DIRECTION_PDF)),
-            Self::Spot(light) => (
+        match &self.kind {
+            LightKind::Area(light) => light.emission_density(context, x0, direction),
+            LightKind::Point(_) => (1.0, SolidAngle(PointLight::DIRECTION_PDF)),
+            LightKind::Spot(light) => (
                 1.0,
-                SolidAngle(light.direction_density(context.time, direction)),
+                SolidAngle(light.direction_density(&self.placement(context), direction)),
             ),
-            Self::Directional(_) => (
+            LightKind::Directional(_) => (
                 1.0,
-                Perpendicular(1.0 / directional::DirectionalLight::flux_factor(context)),
+                Perpendicular(1.0 / DirectionalLight::flux_factor(context)),
             ),
-            Self::Beam(light) => (1.0, light.density()),
-            Self::Environment(light) => (
-                light.direction_pdf(direction, context.time),
-                environment::EnvironmentLight::disk_density(context),
+            LightKind::Beam(light) => (1.0, light.density()),
+            LightKind::Environment(light) => (
+                light.direction_pdf(self.turn(context).as_deref(), direction),
+                EnvironmentLight::disk_density(context),
             ),
         }
     }
@@ -310,14 +396,14 @@ impl Light {
     #[must_use]
     pub fn sample_direct(
         &self,
-        context: &LightContext,
+        context: &AccelAt,
         wavelengths: &SampledWavelengths,
         x1: DVec3,
         u_face: f64,
         u: DVec2,
     ) -> Option<DirectSample> {
         let mut sample = self.connect(context, x1, u_face, u)?;
-        sample.value *= self.emission().sample(wavelengths);
+        sample.value *= self.emission.sample(wavelengths);
         if let Some(pattern) = self.pattern_at(context, &sample.x0, wavelengths) {
             sample.value *= pattern;
         }
@@ -325,29 +411,28 @@ impl Light {
     }
 
     /// `sample_direct` for unit emission.
-    fn connect(
-        &self,
-        context: &LightContext,
-        x1: DVec3,
-        u_face: f64,
-        u: DVec2,
-    ) -> Option<DirectSample> {
-        match self {
-            Self::Area(light) => light.sample_direct(context, x1, u_face, u),
-            Self::Point(light) => light.sample_direct(context.time, x1),
-            Self::Spot(light) => light.sample_direct(context.time, x1),
-            Self::Directional(light) => Some(light.sample_direct(context.time)),
-            Self::Beam(light) => light.sample_direct(context.time, x1),
-            Self::Environment(light) => light.sample_direct(u_face, u, context.time),
+    fn connect(&self, context: &AccelAt, x1: DVec3, u_face: f64, u: DVec2) -> Option<DirectSample> {
+        let place = self.placement(context);
+        match &self.kind {
+            LightKind::Area(light) => light.sample_direct(context, x1, u_face, u),
+            LightKind::Point(_) => PointLight::sample_direct(&place, x1),
+            LightKind::Spot(light) => light.sample_direct(&place, x1),
+            LightKind::Directional(_) => Some(DirectionalLight::sample_direct(&place)),
+            LightKind::Beam(light) => light.sample_direct(&place, x1),
+            LightKind::Environment(light) => {
+                light.sample_direct(self.turn(context).as_deref(), u_face, u)
+            }
         }
     }
 
     /// Density with which `sample_direct` from `x1` generates `x0`. 0 where `sample_direct` would give `None`.
     #[must_use]
-    pub fn direct_density(&self, context: &LightContext, x1: DVec3, x0: &EndPoint) -> f64 {
-        match self {
-            Self::Area(light) => light.direct_density(context, x1, x0),
-            Self::Environment(light) => light.direction_pdf(x0.n, context.time),
+    pub fn direct_density(&self, context: &AccelAt, x1: DVec3, x0: &EndPoint) -> f64 {
+        match &self.kind {
+            LightKind::Area(light) => light.direct_density(context, x1, x0),
+            LightKind::Environment(light) => {
+                light.direction_pdf(self.turn(context).as_deref(), x0.n)
+            }
             // the end point is the only one there is
             _ => self
                 .connect(context, x1, 0.0, DVec2::ZERO)
@@ -358,12 +443,13 @@ impl Light {
     /// Whether and how a camera path can hit the light.
     #[must_use]
     pub fn hit_measure(&self) -> HitMeasure {
-        match self {
-            Self::Area(_) => HitMeasure::Area,
-            Self::Environment(_) => HitMeasure::SolidAngle,
-            Self::Point(_) | Self::Spot(_) | Self::Directional(_) | Self::Beam(_) => {
-                HitMeasure::Never
-            }
+        match &self.kind {
+            LightKind::Area(_) => HitMeasure::Area,
+            LightKind::Environment(_) => HitMeasure::SolidAngle,
+            LightKind::Point(_)
+            | LightKind::Spot(_)
+            | LightKind::Directional(_)
+            | LightKind::Beam(_) => HitMeasure::Never,
         }
     }
 
@@ -375,9 +461,9 @@ impl Light {
         direction: DVec3,
         wavelengths: &SampledWavelengths,
     ) -> SampledSpectrum {
-        match self {
-            Self::Area(light) if light.emitting_cos(point.ng, direction) > 0.0 => {
-                let radiance = light.radiance.sample(wavelengths);
+        match &self.kind {
+            LightKind::Area(light) if light.emitting_cos(point.ng, direction) > 0.0 => {
+                let radiance = self.emission.sample(wavelengths);
                 match &light.pattern {
                     None => radiance,
                     Some(pattern) => radiance * pattern.sample(point.uv, wavelengths),
@@ -387,19 +473,19 @@ impl Light {
         }
     }
 
-    /// Radiance that arrives from infinity at `time` along a ray that travels in unit `direction` (away from the eye). 0
+    /// Radiance that arrives from infinity along a ray that travels in unit `direction` (away from the eye). 0
     /// unless an environment.
     #[must_use]
     pub fn escaped_radiance(
         &self,
+        context: &AccelAt,
         direction: DVec3,
-        time: f64,
         wavelengths: &SampledWavelengths,
     ) -> SampledSpectrum {
-        match self {
-            Self::Environment(light) => {
-                let radiance = light.radiance.sample(wavelengths);
-                match light.factor(-direction, time, wavelengths) {
+        match &self.kind {
+            LightKind::Environment(light) => {
+                let radiance = self.emission.sample(wavelengths);
+                match light.factor(self.turn(context).as_deref(), -direction, wavelengths) {
                     None => radiance,
                     Some(factor) => radiance * factor,
                 }
@@ -427,21 +513,21 @@ fn unit_from_to(from: DVec3, to: DVec3) -> Option<(DVec3, f64)> {
 }
 
 /// The rigid motion that takes the origin to `position` and +z to `direction`.
-fn posed(position: DVec3, direction: DVec3) -> Transform {
+fn posed(position: DVec3, direction: DVec3) -> Placement {
     let frame = Frame::from_z(direction.normalize());
     let rotation = DMat3::from_cols(frame.x, frame.y, frame.z);
-    Transform::fixed(DAffine3::from_mat3_translation(rotation, position))
+    Placement::new(DAffine3::from_mat3_translation(rotation, position))
 }
 
 /// The +z axis of a placed light as a unit vector.
-fn placed_axis(transform: &Transform, time: f64) -> DVec3 {
-    transform.at(time).to_world.matrix3.z_axis.normalize()
+fn placed_axis(place: &Placement) -> DVec3 {
+    place.to_world.matrix3.z_axis.normalize()
 }
 
 /// A point of the disc of the bounding sphere's radius, one radius before the centre, normal to `direction`.
-fn far_disk_origin(context: &LightContext, direction: DVec3, u: DVec2) -> DVec3 {
+fn far_disk_origin(context: &AccelAt, direction: DVec3, u: DVec2) -> DVec3 {
     let disk = sampling::disk(u.into()).extend(-1.0);
-    context.center + context.radius * Frame::from_z(direction).to_outer(disk)
+    context.accel().center() + context.accel().radius() * Frame::from_z(direction).to_outer(disk)
 }
 
 #[cfg(test)]

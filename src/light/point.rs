@@ -1,44 +1,24 @@
 //! A point that shines equally in all directions.
 
 use super::{DirectSample, EmissionSample, factor, unit_from_to};
-use crate::geometry::{DirectionalDensity, EndPoint, Transform};
+use crate::geometry::{DirectionalDensity, EndPoint, Placement};
 use crate::math::sampling;
-use crate::spectrum::Emission;
-use glam::{DAffine3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
-/// An isotropic point light at the origin of its own space.
+/// Radiant intensity of a point at the origin of its own space: W/(sr nm), and W/sr per line.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PointLight {
-    /// Where it is.
-    pub transform: Transform,
-    /// Radiant intensity, W/(sr nm) and W/sr per line.
-    pub intensity: Emission,
-}
+pub struct PointLight;
 
 impl PointLight {
-    /// A light at rest at `position`.
-    #[must_use]
-    pub fn at(position: DVec3, intensity: Emission) -> Self {
-        let transform = Transform::fixed(DAffine3::from_translation(position));
-        Self {
-            transform,
-            intensity,
-        }
-    }
-
     /// Flux per unit intensity.
     pub(super) const FLUX_FACTOR: f64 = 4.0 * PI;
 
     /// Density per solid angle of the emitted direction.
     pub(super) const DIRECTION_PDF: f64 = sampling::UNIFORM_SPHERE_PDF;
 
-    fn position(&self, time: f64) -> DVec3 {
-        self.transform.at(time).to_world.translation
-    }
-
-    pub(super) fn sample_emission(&self, time: f64, u_dir: DVec2) -> EmissionSample {
-        let p = self.position(time);
+    pub(super) fn sample_emission(place: &Placement, u_dir: DVec2) -> EmissionSample {
+        let p = place.to_world.translation;
         EmissionSample {
             x0: EndPoint::at(p),
             origin: p,
@@ -49,8 +29,8 @@ impl PointLight {
         }
     }
 
-    pub(super) fn sample_direct(&self, time: f64, x1: DVec3) -> Option<DirectSample> {
-        let p = self.position(time);
+    pub(super) fn sample_direct(place: &Placement, x1: DVec3) -> Option<DirectSample> {
+        let p = place.to_world.translation;
         let (toward, distance) = unit_from_to(x1, p)?;
         let value = factor(1.0 / (distance * distance));
         Some(DirectSample {
@@ -66,30 +46,27 @@ impl PointLight {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DAffine3;
 
     #[test]
     fn irradiance_falls_with_the_square_of_the_distance() {
-        let light = PointLight::at(DVec3::new(1.0, 2.0, 3.0), Emission::default());
-        let sample = light.sample_direct(0.0, DVec3::new(1.0, 2.0, 7.0)).unwrap();
+        let at = DVec3::new(1.0, 2.0, 3.0);
+        let place = Placement::new(DAffine3::from_translation(at));
+        let sample = PointLight::sample_direct(&place, DVec3::new(1.0, 2.0, 7.0)).unwrap();
         assert_eq!(sample.value[0], 1.0 / 16.0);
         assert_eq!(sample.toward, DVec3::NEG_Z);
         assert_eq!(sample.distance, 4.0);
-        assert!(
-            light
-                .sample_direct(0.0, DVec3::new(1.0, 2.0, 3.0))
-                .is_none()
-        );
+        assert!(PointLight::sample_direct(&place, at).is_none());
     }
 
     #[test]
     fn directions_cover_the_sphere_evenly() {
-        let light = PointLight::at(DVec3::ZERO, Emission::default());
         let n = 64_usize;
         let mut first = DVec3::ZERO;
         let mut second = DVec3::ZERO;
         for i in 0..n * n {
             let u = (DVec2::new((i % n) as f64, (i / n) as f64) + 0.5) / n as f64;
-            let sample = light.sample_emission(0.0, u);
+            let sample = PointLight::sample_emission(&Placement::IDENTITY, u);
             assert!((sample.direction.length() - 1.0).abs() < 1e-14);
             first += sample.direction;
             second += sample.direction * sample.direction;

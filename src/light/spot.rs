@@ -3,20 +3,16 @@
 //! Intensity is full within `falloff_start_rad` of the axis and falls by a smooth step in the cosine to 0 at
 //! `cone_rad`. Directions are drawn exactly in proportion to it, so every emitted path has the same weight.
 
-use super::{DirectSample, EmissionSample, factor, placed_axis, posed, unit_from_to};
-use crate::geometry::{DirectionalDensity, EndPoint, Transform};
+use super::{DirectSample, EmissionSample, factor, placed_axis, unit_from_to};
+use crate::geometry::{DirectionalDensity, EndPoint, Placement};
 use crate::math::frame::Frame;
-use crate::spectrum::Emission;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// A spot light at the origin of its own space, around its +z axis.
+/// Radiant intensity on the axis of a cone, from the origin of its own space around its +z axis: W/(sr nm), and W/sr per
+/// line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpotLight {
-    /// Where it is and where it points (a rigid motion).
-    pub transform: Transform,
-    /// Radiant intensity on the axis, W/(sr nm) and W/sr per line.
-    pub intensity: Emission,
     /// Half-angle of the cone in radians, 0 < `cone_rad` <= π.
     pub cone_rad: f64,
     /// Half-angle of full intensity in radians, 0 <= `falloff_start_rad` <= `cone_rad`.
@@ -46,23 +42,6 @@ fn invert_smooth_step(u: f64) -> f64 {
 }
 
 impl SpotLight {
-    /// A light at rest at `position` that shines along `direction` (any non-zero length).
-    #[must_use]
-    pub fn aimed(
-        position: DVec3,
-        direction: DVec3,
-        intensity: Emission,
-        cone_rad: f64,
-        falloff_start_rad: f64,
-    ) -> Self {
-        Self {
-            transform: posed(position, direction),
-            intensity,
-            cone_rad,
-            falloff_start_rad,
-        }
-    }
-
     /// Extent of the falloff in the cosine.
     fn soft_width(&self) -> f64 {
         versine(self.cone_rad) - versine(self.falloff_start_rad)
@@ -86,17 +65,21 @@ impl SpotLight {
         }
     }
 
-    fn falloff_along(&self, time: f64, direction: DVec3) -> f64 {
+    fn falloff_along(&self, place: &Placement, direction: DVec3) -> f64 {
         // |a − b|²/2 = 1 − cos for unit vectors, exact for narrow cones
-        self.falloff(0.5 * (direction - placed_axis(&self.transform, time)).length_squared())
+        self.falloff(0.5 * (direction - placed_axis(place)).length_squared())
     }
 
     /// Density per solid angle of the emitted direction.
-    pub(super) fn direction_density(&self, time: f64, direction: DVec3) -> f64 {
-        self.falloff_along(time, direction) / self.flux_factor()
+    pub(super) fn direction_density(&self, place: &Placement, direction: DVec3) -> f64 {
+        self.falloff_along(place, direction) / self.flux_factor()
     }
 
-    pub(super) fn sample_emission(&self, time: f64, u_dir: DVec2) -> Option<EmissionSample> {
+    pub(super) fn sample_emission(
+        &self,
+        place: &Placement,
+        u_dir: DVec2,
+    ) -> Option<EmissionSample> {
         let full = versine(self.falloff_start_rad);
         let soft = 0.5 * self.soft_width();
         let u = u_dir.x * (full + soft);
@@ -107,12 +90,12 @@ impl SpotLight {
         };
         let sin = (v * (2.0 - v)).max(0.0).sqrt();
         let (y, x) = (TAU * u_dir.y).sin_cos();
-        let axis = Frame::from_z(placed_axis(&self.transform, time));
+        let axis = Frame::from_z(placed_axis(place));
         let direction = axis
             .to_outer(DVec3::new(sin * x, sin * y, 1.0 - v))
             .normalize();
-        let pdf = self.direction_density(time, direction);
-        let p = self.transform.at(time).to_world.translation;
+        let pdf = self.direction_density(place, direction);
+        let p = place.to_world.translation;
         (pdf > 0.0).then(|| EmissionSample {
             x0: EndPoint::at(p),
             origin: p,
@@ -123,10 +106,10 @@ impl SpotLight {
         })
     }
 
-    pub(super) fn sample_direct(&self, time: f64, x1: DVec3) -> Option<DirectSample> {
-        let p = self.transform.at(time).to_world.translation;
+    pub(super) fn sample_direct(&self, place: &Placement, x1: DVec3) -> Option<DirectSample> {
+        let p = place.to_world.translation;
         let (toward, distance) = unit_from_to(x1, p)?;
-        let falloff = self.falloff_along(time, -toward);
+        let falloff = self.falloff_along(place, -toward);
         (falloff > 0.0).then(|| DirectSample {
             x0: EndPoint::at(p),
             toward,
@@ -139,17 +122,16 @@ impl SpotLight {
 
 #[cfg(test)]
 mod tests {
+    use super::super::posed;
     use super::*;
 
-    fn light() -> SpotLight {
-        let direction = DVec3::new(0.3, -0.5, 0.8);
-        SpotLight::aimed(
-            DVec3::new(1.0, 2.0, 3.0),
-            direction,
-            Emission::default(),
-            0.6,
-            0.4,
-        )
+    const LIGHT: SpotLight = SpotLight {
+        cone_rad: 0.6,
+        falloff_start_rad: 0.4,
+    };
+
+    fn place() -> Placement {
+        posed(DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.3, -0.5, 0.8))
     }
 
     #[test]
@@ -163,8 +145,8 @@ mod tests {
 
     #[test]
     fn density_integrates_to_one_and_samples_follow_it() {
-        let light = light();
-        let axis = placed_axis(&light.transform, 0.0);
+        let (light, place) = (LIGHT, place());
+        let axis = placed_axis(&place);
         let frame = Frame::from_z(axis);
         // density over the angle to the axis, integrated by the midpoint rule
         let cells = 20_000;
@@ -177,7 +159,7 @@ mod tests {
         let mut inside = 0.0;
         for i in 0..cells {
             let v = (f64::from(i) + 0.5) * width;
-            let p = light.direction_density(0.0, at(v)) * TAU * width;
+            let p = light.direction_density(&place, at(v)) * TAU * width;
             total += p;
             if v < versine(0.5) {
                 inside += p;
@@ -189,7 +171,7 @@ mod tests {
         let hits = (0..n)
             .filter_map(|i| {
                 let u = DVec2::new((f64::from(i) + 0.5) / f64::from(n), 0.3);
-                light.sample_emission(0.0, u)
+                light.sample_emission(&place, u)
             })
             .filter(|s| 0.5 * (s.direction - axis).length_squared() < versine(0.5))
             .count();
@@ -198,15 +180,15 @@ mod tests {
 
     #[test]
     fn emission_and_connection_agree() {
-        let light = light();
+        let (light, place) = (LIGHT, place());
         for i in 0..100 {
             let u = DVec2::new((f64::from(i) + 0.5) / 100.0, f64::from(i) * 0.618 % 1.0);
-            let s = light.sample_emission(0.0, u).unwrap();
+            let s = light.sample_emission(&place, u).unwrap();
             let DirectionalDensity::SolidAngle(pdf) = s.pdf_direction else {
                 panic!("measure")
             };
             let direct = light
-                .sample_direct(0.0, s.origin + 2.0 * s.direction)
+                .sample_direct(&place, s.origin + 2.0 * s.direction)
                 .unwrap();
             // weight × density = intensity = value × d²
             let intensity = f64::from(s.weight[0]) * pdf;
@@ -216,20 +198,27 @@ mod tests {
 
     #[test]
     fn dark_outside_the_cone_and_sharp_edges_work() {
-        let mut light = SpotLight::aimed(DVec3::ZERO, DVec3::Z, Emission::default(), 0.5, 0.5);
+        let place = Placement::IDENTITY;
+        let mut light = SpotLight {
+            cone_rad: 0.5,
+            falloff_start_rad: 0.5,
+        };
         assert!(
             light
-                .sample_direct(0.0, DVec3::new(0.0, 0.0, -1.0))
+                .sample_direct(&place, DVec3::new(0.0, 0.0, -1.0))
                 .is_none()
         );
         let edge = |a: f64| DVec3::new(a.sin(), 0.0, a.cos());
-        assert!(light.sample_direct(0.0, edge(0.501)).is_none());
-        assert_eq!(light.sample_direct(0.0, edge(0.499)).unwrap().value[0], 1.0);
+        assert!(light.sample_direct(&place, edge(0.501)).is_none());
+        assert_eq!(
+            light.sample_direct(&place, edge(0.499)).unwrap().value[0],
+            1.0
+        );
         for i in 0..100 {
             let u = DVec2::new(f64::from(i) / 100.0, 0.1);
-            assert!(light.sample_emission(0.0, u).is_some());
+            assert!(light.sample_emission(&place, u).is_some());
         }
         light.falloff_start_rad = 0.0;
-        assert!(light.sample_direct(0.0, edge(0.499)).unwrap().value[0] < 1e-3);
+        assert!(light.sample_direct(&place, edge(0.499)).unwrap().value[0] < 1e-3);
     }
 }

@@ -1,7 +1,7 @@
 //! What every light must fulfil, whatever its kind, and closed forms of illumination.
 
 use super::*;
-use crate::geometry::{AreaSampler, Instance, InstanceId, Shape};
+use crate::geometry::{Accel, AreaSampler, Instance, InstanceId, Shape};
 use crate::spectrum::{Curve, WavelengthDistribution};
 use glam::DQuat;
 use std::f64::consts::PI;
@@ -19,14 +19,7 @@ fn spectrum_multiplies_every_value() {
     for light in lights() {
         let scaled = |factor: f64| {
             let mut light = light.clone();
-            match &mut light {
-                Light::Area(l) => l.radiance = unit_emission().scaled(factor),
-                Light::Point(l) => l.intensity = unit_emission().scaled(factor),
-                Light::Spot(l) => l.intensity = unit_emission().scaled(factor),
-                Light::Directional(l) => l.irradiance = unit_emission().scaled(factor),
-                Light::Beam(l) => l.irradiance = unit_emission().scaled(factor),
-                Light::Environment(l) => l.radiance = unit_emission().scaled(factor),
-            }
+            light.emission = unit_emission().scaled(factor);
             light
         };
         let u = DVec2::new(0.4, 0.7);
@@ -40,8 +33,8 @@ fn spectrum_multiplies_every_value() {
             assert!((near.unwrap().value[1] / unit.value[1] - 3.0).abs() < 1e-6);
         }
         assert!((scaled(2.0).power(&context) / light.power(&context) - 2.0).abs() < 1e-12);
-        let escaped = scaled(2.0).escaped_radiance(DVec3::Z, 0.0, &wavelengths)[0];
-        let expected = if matches!(light, Light::Environment(_)) {
+        let escaped = scaled(2.0).escaped_radiance(&context, DVec3::Z, &wavelengths)[0];
+        let expected = if light.as_environment().is_some() {
             2.0
         } else {
             0.0
@@ -80,13 +73,15 @@ fn accel() -> Accel {
     };
     let scale = DAffine3::from_scale(DVec3::new(0.5, 0.2, 1.0));
     let transform = Transform::fixed(DAffine3::from_translation(DVec3::X) * scale);
-    Accel::build(vec![
+    let mut accel = Accel::build(vec![
         disk,
         Instance {
             shape: Shape::Quad,
             transform,
         },
-    ])
+    ]);
+    accel.set_sphere(DVec3::new(0.1, 0.2, -0.3), 2.0);
+    accel
 }
 
 fn disk_pose() -> DAffine3 {
@@ -94,23 +89,18 @@ fn disk_pose() -> DAffine3 {
     DAffine3::from_rotation_translation(rotation, DVec3::new(-0.2, 0.1, 0.4))
 }
 
-fn context(accel: &Accel) -> LightContext<'_> {
-    LightContext {
-        accel,
-        center: DVec3::new(0.1, 0.2, -0.3),
-        radius: 2.0,
-        time: 0.0,
-    }
+fn context(accel: &Accel) -> AccelAt<'_> {
+    accel.at(0.0)
 }
 
 fn area(instance: u32, two_sided: bool) -> Light {
-    Light::Area(area::AreaLight {
+    let area = AreaLight {
         instance: InstanceId(instance),
-        radiance: unit_emission(),
         pattern: None,
         sampler: AreaSampler::default(),
         two_sided,
-    })
+    };
+    Light::area(unit_emission(), area)
 }
 
 fn lights() -> Vec<Light> {
@@ -118,22 +108,19 @@ fn lights() -> Vec<Light> {
     vec![
         area(0, false),
         area(1, true),
-        Light::Point(point::PointLight::at(DVec3::X, unit_emission())),
-        Light::Spot(spot::SpotLight::aimed(
+        Light::point(DVec3::X, unit_emission()),
+        Light::spot(
             DVec3::X,
             axis,
             unit_emission(),
-            0.7,
-            0.2,
-        )),
-        Light::Directional(directional::DirectionalLight::along(axis, unit_emission())),
-        Light::Beam(beam::BeamLight::aimed(
-            DVec3::Y,
-            axis,
-            unit_emission(),
-            0.05,
-        )),
-        Light::Environment(environment::EnvironmentLight::uniform(unit_emission())),
+            SpotLight {
+                cone_rad: 0.7,
+                falloff_start_rad: 0.2,
+            },
+        ),
+        Light::directional(axis, unit_emission()),
+        Light::beam(DVec3::Y, axis, unit_emission(), 0.05),
+        Light::environment(unit_emission(), None),
     ]
 }
 
@@ -303,11 +290,11 @@ fn far_lights_start_outside_and_cover_the_scene() {
     for light in lights().into_iter().skip(4).step_by(2) {
         for (u_face, u_pos, u_dir) in points(200) {
             let s = light.start(&context, u_face, u_pos, u_dir).unwrap();
-            let from_center = s.origin - context.center;
-            assert!(from_center.length() >= context.radius * (1.0 - 1e-12));
-            assert!((from_center.dot(s.direction) + context.radius).abs() < 1e-12);
+            let from_center = s.origin - accel.center();
+            assert!(from_center.length() >= accel.radius() * (1.0 - 1e-12));
+            assert!((from_center.dot(s.direction) + accel.radius()).abs() < 1e-12);
             let offset = from_center - from_center.dot(s.direction) * s.direction;
-            assert!(offset.length() <= context.radius * (1.0 + 1e-12));
+            assert!(offset.length() <= accel.radius() * (1.0 + 1e-12));
             assert!(s.x0.infinite && s.x0.n == s.direction);
         }
     }
@@ -317,7 +304,7 @@ fn far_lights_start_outside_and_cover_the_scene() {
 fn environment_irradiates_by_pi() {
     let accel = accel();
     let context = context(&accel);
-    let light = Light::Environment(environment::EnvironmentLight::uniform(unit_emission()));
+    let light = Light::environment(unit_emission(), None);
     let n = 20_000;
     let irradiance: f64 = points(n)
         .filter_map(|(u_face, u, _)| light.connect(&context, DVec3::ZERO, u_face, u))

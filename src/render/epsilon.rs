@@ -178,7 +178,7 @@ impl Pilot<'_> {
         let sensor = &self.frame.scene.sensors[self.frame.sensor];
         let time = sensor.shutter.at(0.5);
         let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-        let width = sensor.camera.pixel_width(raster, time);
+        let width = sensor.camera.pixel_width(raster, time.into());
         let specular = |i: usize| path.densities[i + 1].label != Label::NonSpecular;
         let mut found = Vec::new();
         let mut length = 0.0;
@@ -206,13 +206,14 @@ impl Pilot<'_> {
     /// Angular radius of the lights seen from a point, weighted by their power.
     fn light_angle(&self, p: glam::DVec3) -> f64 {
         let scene = self.frame.scene;
-        let context = scene.light_context(scene.sensors[self.frame.sensor].shutter.at(0.5));
+        let time = scene.sensors[self.frame.sensor].shutter.at(0.5);
+        let geometry = scene.accel.at(time);
         scene
             .lights
             .iter()
             .enumerate()
             .map(|(i, light)| {
-                scene.selection.probability(LightId(i as u32)) * light.angular_radius(&context, p)
+                scene.selection.probability(LightId(i as u32)) * light.angular_radius(&geometry, p)
             })
             .sum()
     }

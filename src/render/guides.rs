@@ -2,7 +2,7 @@
 
 use crate::bsdf::{Bsdf, Interface};
 use crate::film::Crop;
-use crate::geometry::Ray;
+use crate::geometry::{InstanceId, Placements, Ray};
 use crate::scene::Scene;
 use crate::spectrum::{MAX_LANES, xyz};
 use glam::{DVec2, DVec3};
@@ -33,31 +33,29 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
     (crop.y0..crop.y1)
         .into_par_iter()
         .flat_map_iter(|y| (crop.x0..crop.x1).map(move |x| (x, y)))
-        .map(|(x, y)| {
+        .map_init(Placements::default, |placements, (x, y)| {
             let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let sensor = &scene.sensors[sensor];
-            let time = sensor.shutter.at(0.5);
-            let start = sensor.camera.sample_ray(raster, DVec2::splat(0.5), time);
-            let mut ray = Ray::leaving(start.xk.p, start.direction, time, start.xk.surface);
-            let visible =
-                |id: crate::geometry::InstanceId| scene.objects[id.0 as usize].sensor.is_none();
+            let scene = scene.at(sensor.shutter.at(0.5), placements);
+            let start = sensor
+                .camera
+                .sample_ray(raster, DVec2::splat(0.5), scene.moment());
+            let mut ray = Ray::leaving(start.xk.p, start.direction, start.xk.surface);
+            let visible = |id: InstanceId| scene.object(id).sensor.is_none();
             let mut passed = 0.0;
             let (hit, point) = loop {
-                let Some(hit) = scene.accel.closest(&ray, visible) else {
+                let Some(hit) = scene.closest(&ray, visible) else {
                     return Guide::default();
                 };
-                let point = scene.accel.surface(&ray, &hit);
+                let point = scene.geometry.surface(&ray, &hit);
                 // what is mostly open is looked through
-                if !scene.objects[hit.id.instance.0 as usize].covered
-                    || scene.coverage(&point) >= 0.5
-                {
-                    break (hit, scene.shading_point(point, time));
+                if !scene.object(hit.id.instance).has_alpha || scene.coverage(&point) >= 0.5 {
+                    break (hit, scene.shading_point(point));
                 }
                 passed += hit.t;
-                ray = Ray::leaving(point.p, ray.d, time, Some(point.id));
+                ray = Ray::leaving(point.p, ray.d, Some(point.id));
             };
-            let material =
-                &scene.materials[scene.objects[hit.id.instance.0 as usize].material.0 as usize];
+            let material = scene.material(scene.object(hit.id.instance).material);
             let mut albedo = [0.0; 3];
             for lanes in &wavelengths {
                 let interface = Interface {

@@ -30,12 +30,9 @@ pub fn geometry_bytes(scene: &Scene) -> u64 {
         Shape::Deforming(mesh) => Some((Arc::as_ptr(mesh).cast(), mesh.bytes())),
         _ => None,
     };
-    let table = |light: &Light| match light {
-        Light::Area(area) => {
-            let table = area.sampler.table()?;
-            Some((Arc::as_ptr(table).cast(), table.bytes()))
-        }
-        _ => None,
+    let table = |light: &Light| {
+        let table = light.as_area()?.sampler.table()?;
+        Some((Arc::as_ptr(table).cast(), table.bytes()))
     };
     let meshes = scene.accel.instances().iter().filter_map(mesh);
     let tables = scene.lights.iter().filter_map(table);
@@ -47,9 +44,9 @@ pub fn geometry_bytes(scene: &Scene) -> u64 {
 #[must_use]
 pub fn texture_bytes(scene: &Scene) -> u64 {
     let images: usize = scene.images().iter().map(|i| i.bytes()).sum();
-    let table = |light: &Light| match light {
-        Light::Environment(e) => e.image.as_ref().map_or(0, |i| i.table_bytes()),
-        _ => 0,
+    let table = |light: &Light| {
+        let image = light.as_environment().and_then(|e| e.image.as_ref());
+        image.map_or(0, |i| i.table_bytes())
     };
     (images + scene.lights.iter().map(table).sum::<usize>()) as u64
 }

@@ -133,7 +133,7 @@ pub fn choose_radius(frame: &SensorJob, response: SensorResponse) -> RadiusChoic
             sample_pixel(&pilot, &pass, (x, y), response, &mut workspace);
             let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let time = scene.sensors[frame.sensor].shutter.at(0.5);
-            let width = camera.pixel_width(raster, time);
+            let width = camera.pixel_width(raster, time.into());
             let mut length = 0.0;
             for vertex in &workspace.camera_subpath().vertices {
                 length += vertex.distance;
@@ -151,7 +151,7 @@ pub fn choose_radius(frame: &SensorJob, response: SensorResponse) -> RadiusChoic
             reason: RadiusReason::Pixels,
         },
         None => RadiusChoice {
-            radius: SHARE * scene.radius,
+            radius: SHARE * scene.accel.radius(),
             reason: RadiusReason::Scene,
         },
     }
@@ -232,7 +232,7 @@ pub fn trace_photons(
         }
     }
     let radius = pass.merge_radius.unwrap_or(0.0);
-    let map = PhotonMap::build(all, frame.lanes(), frame.scene.center, radius);
+    let map = PhotonMap::build(all, frame.lanes(), frame.scene.accel.center(), radius);
     Some((map, counters))
 }
 

@@ -147,7 +147,7 @@ impl Render {
     pub fn radius_of_pass(&self, index: u32) -> Option<f64> {
         let first = self.radius.as_ref()?.radius;
         let merging = &self.settings.merging;
-        let scene_radius = self.scene.radius;
+        let scene_radius = self.scene.accel.radius();
         Some(merging::scheduled_radius(
             merging,
             scene_radius,

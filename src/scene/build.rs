@@ -1,17 +1,17 @@
 //! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends of paths.
 
-use super::description::{SceneDescription, WavelengthChoice, WavelengthSettings};
+use super::description::{
+    LightDescription, ObjectDescription, SceneDescription, SensorDescription, WavelengthChoice,
+    WavelengthSettings,
+};
 use super::effects::find_effects;
 use super::probe::stack_at;
 use super::{Object, Scene, Sensor};
-use crate::camera::Camera;
-use crate::geometry::{Accel, AreaSampler, Instance, InstanceId, Shape, Shutter, Transform};
+use crate::camera::{Camera, CameraKind};
+use crate::geometry::{Accel, AccelAt, AreaSampler, Instance, InstanceId, Shape, Shutter};
 use crate::light::area::AreaLight;
-use crate::light::beam::BeamLight;
-use crate::light::point::PointLight;
 use crate::light::selection::LightSelection;
-use crate::light::spot::SpotLight;
-use crate::light::{Light, LightContext, LightId};
+use crate::light::{Light, LightId};
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, MediumId, MediumStack};
 use crate::spectrum::{Emission, WavelengthDistribution};
@@ -99,62 +99,167 @@ impl Scene {
     ///
     /// # Errors
     /// Where the parts are valid by themselves but do not make a scene.
-    pub fn build(description: SceneDescription) -> Result<Self, BuildError> {
-        let SceneDescription {
-            media,
-            mut materials,
-            objects: described,
-            lights: free_lights,
-            sensors,
-            wavelengths,
-            ambient,
-            hash,
-        } = description;
-        let black = MaterialId(materials.len() as u32);
-        materials.push(Material::default());
-
-        let mut instances = Vec::with_capacity(described.len());
-        let mut objects = Vec::with_capacity(described.len());
-        let mut lights = Vec::new();
-        let mut samplers = Samplers::default();
-        let mut light_names = Vec::new();
-        let mut light_subjects = Vec::new();
-        if described.len() + sensors.len() >= u32::MAX as usize {
+    pub fn build(mut description: SceneDescription) -> Result<Self, BuildError> {
+        let surfaces = description.objects.len() + description.sensors.len();
+        if surfaces >= u32::MAX as usize {
             return Err(BuildError::TooManyInstances(u32::MAX));
         }
-        let chosen_lines = match &wavelengths.choice {
+        let mut builder = Builder::new(&mut description);
+        builder.surfaces(std::mem::take(&mut description.objects));
+        builder.lights(std::mem::take(&mut description.lights));
+        builder.sensors(std::mem::take(&mut description.sensors));
+        let motions = builder.motions();
+        let accel = Accel::build(std::mem::take(&mut builder.instances));
+        let moments = Moments::new(&builder, &accel);
+        let powers = builder.powers(&accel, &moments)?;
+        let light_stacks = builder.light_stacks(&accel, &moments)?;
+        builder.sensor_stacks(&accel, &moments)?;
+
+        let Builder {
+            materials,
+            objects,
+            lights,
+            light_names,
+            sensors,
+            ..
+        } = builder;
+        let environments = (0u32..)
+            .zip(&lights)
+            .filter(|(_, light)| light.as_environment().is_some())
+            .map(|(i, _)| LightId(i))
+            .collect();
+        let wavelengths = distribution(&description.wavelengths, &lights, &powers);
+        let mut scene = Self {
+            has_coverage: objects.iter().any(|o| o.has_alpha),
+            selection: LightSelection::new(&powers),
+            wavelengths,
+            accel,
+            objects,
+            materials,
+            media: description.media,
+            wavelength_settings: description.wavelengths,
+            lights,
+            light_names,
+            light_stacks,
+            environments,
+            sensors,
+            motions,
+            is_moving: moments.is_moving,
+            effects: Vec::new(),
+            hash: description.hash,
+        };
+        scene.effects = find_effects(&scene);
+        Ok(scene)
+    }
+}
+
+/// A scene in the making, one method a phase.
+struct Builder {
+    ambient: MediumId,
+    /// The only lines there are, in nanometres, where a render draws nothing else.
+    chosen_lines: Option<Vec<f64>>,
+    materials: Vec<Material>,
+    instances: Vec<Instance>,
+    objects: Vec<Object>,
+    lights: Vec<Light>,
+    light_names: Vec<String>,
+    light_subjects: Vec<Subject>,
+    sensors: Vec<Sensor>,
+}
+
+/// The moments of a shutter at which media are looked for and powers averaged.
+struct Moments {
+    is_moving: bool,
+    /// Those of the union of all shutters.
+    all: Vec<f64>,
+}
+
+impl Moments {
+    fn new(builder: &Builder, accel: &Accel) -> Self {
+        let shutters = builder.sensors.iter().map(|sensor| sensor.shutter);
+        let shutter = shutters.reduce(Shutter::union).unwrap_or_default();
+        let is_moving = accel.instances().iter().any(Instance::is_moving)
+            || builder.lights.iter().any(Light::is_moving)
+            || builder
+                .sensors
+                .iter()
+                .any(|sensor| sensor.camera.transform().is_moving());
+        let mut moments = Self {
+            is_moving,
+            all: Vec::new(),
+        };
+        moments.all = moments.of(shutter);
+        moments
+    }
+
+    fn of(&self, shutter: Shutter) -> Vec<f64> {
+        if self.is_moving && !shutter.is_instant() {
+            MOMENTS.iter().map(|&u| shutter.at(u)).collect()
+        } else {
+            vec![shutter.open_s]
+        }
+    }
+}
+
+impl Builder {
+    fn new(description: &mut SceneDescription) -> Self {
+        let chosen_lines = match &description.wavelengths.choice {
             WavelengthChoice::Lines(lines) => Some(lines.clone()),
             _ => None,
         };
-        // where only some lines exist, continuous light stands for a band of 1 nm about each
-        let seen = |emission: Emission| match &chosen_lines {
+        Self {
+            ambient: description.ambient,
+            chosen_lines,
+            materials: std::mem::take(&mut description.materials),
+            instances: Vec::with_capacity(description.objects.len()),
+            objects: Vec::with_capacity(description.objects.len()),
+            lights: Vec::new(),
+            light_names: Vec::new(),
+            light_subjects: Vec::new(),
+            sensors: Vec::with_capacity(description.sensors.len()),
+        }
+    }
+
+    /// An emission as the render sees it: where only some lines exist, continuous light stands for a band of 1 nm about
+    /// each.
+    fn seen(&self, emission: Emission) -> Emission {
+        match &self.chosen_lines {
             Some(lines) => emission.restricted_to_lines(lines),
             None => emission,
-        };
+        }
+    }
+
+    fn add_light(&mut self, light: Light, name: String, subject: Subject) -> LightId {
+        let id = LightId(self.lights.len() as u32);
+        self.lights.push(light);
+        self.light_names.push(name);
+        self.light_subjects.push(subject);
+        id
+    }
+
+    /// Objects become instances, and those that emit become lights.
+    fn surfaces(&mut self, described: Vec<ObjectDescription>) {
+        let mut samplers = Samplers::default();
         for (index, object) in described.into_iter().enumerate() {
-            let id = InstanceId(instances.len() as u32);
-            let instance = Instance {
+            let instance = InstanceId(self.instances.len() as u32);
+            let light = object.emission.map(|emission| {
+                let area = AreaLight {
+                    instance,
+                    pattern: emission.pattern,
+                    sampler: samplers.of(&object.shape),
+                    two_sided: emission.two_sided,
+                };
+                let light = Light::area(self.seen(emission.radiance), area);
+                self.add_light(light, object.name.clone(), Subject::Emission(index))
+            });
+            self.instances.push(Instance {
                 shape: object.shape,
                 transform: object.transform,
-            };
-            let light = object.emission.map(|emission| {
-                let light = LightId(lights.len() as u32);
-                lights.push(Light::Area(AreaLight {
-                    instance: id,
-                    sampler: samplers.of(&instance.shape),
-                    radiance: seen(emission.radiance),
-                    pattern: emission.pattern,
-                    two_sided: emission.two_sided,
-                }));
-                light_names.push(object.name.clone());
-                light_subjects.push(Subject::Emission(index));
-                light
             });
-            instances.push(instance);
-            let material = &materials[object.material.0 as usize];
-            objects.push(Object {
+            let material = &self.materials[object.material.0 as usize];
+            self.objects.push(Object {
                 clear: material.is_clear_interface() && light.is_none(),
-                covered: material.coverage.is_some()
+                has_alpha: material.coverage.is_some()
                     && light.is_none()
                     && object.boundary == Boundary::None,
                 name: object.name,
@@ -165,20 +270,29 @@ impl Scene {
                 transparent_sensor: false,
             });
         }
-        for (index, free) in free_lights.into_iter().enumerate() {
-            lights.push(free.light.map_emission(seen));
-            light_names.push(free.name);
-            light_subjects.push(Subject::Light(index));
+    }
+
+    /// Lights that are no surfaces.
+    fn lights(&mut self, described: Vec<LightDescription>) {
+        for (index, LightDescription { name, mut light }) in described.into_iter().enumerate() {
+            light.emission = self.seen(light.emission);
+            self.add_light(light, name, Subject::Light(index));
         }
-        let mut placed = Vec::with_capacity(sensors.len());
-        for (index, mut sensor) in sensors.into_iter().enumerate() {
-            if let Camera::Detector(detector) = &mut sensor.camera {
-                detector.instance = Some(InstanceId(instances.len() as u32));
-                instances.push(Instance {
+    }
+
+    /// Sensors, and the black surfaces of detectors.
+    fn sensors(&mut self, described: Vec<SensorDescription>) {
+        let black = MaterialId(self.materials.len() as u32);
+        self.materials.push(Material::default());
+        for (index, mut sensor) in described.into_iter().enumerate() {
+            let transform = sensor.camera.transform().clone();
+            if let CameraKind::Detector(detector) = &mut sensor.camera.kind {
+                detector.instance = Some(InstanceId(self.instances.len() as u32));
+                self.instances.push(Instance {
                     shape: Shape::Quad,
-                    transform: detector.transform.clone(),
+                    transform,
                 });
-                objects.push(Object {
+                self.objects.push(Object {
                     name: sensor.name.clone(),
                     material: black,
                     boundary: Boundary::None,
@@ -186,97 +300,103 @@ impl Scene {
                     sensor: Some(index),
                     transparent_sensor: detector.transparent,
                     clear: false,
-                    covered: false,
+                    has_alpha: false,
                 });
             }
-            placed.push(Sensor {
+            self.sensors.push(Sensor {
                 name: sensor.name,
                 camera: sensor.camera,
                 filter: sensor.filter,
                 shutter: sensor.shutter,
-                stack: MediumStack::new(ambient),
+                stack: MediumStack::new(self.ambient),
             });
         }
+    }
 
-        let accel = Accel::build(instances);
-        let (center, radius) = bounding_sphere(&accel);
-        let shutter = placed
-            .iter()
-            .map(|sensor| sensor.shutter)
-            .reduce(Shutter::union)
-            .unwrap_or_default();
-        let is_moving = accel.instances().iter().any(Instance::is_moving)
-            || lights
-                .iter()
-                .filter_map(Light::transform)
-                .any(Transform::is_moving)
-            || placed
-                .iter()
-                .any(|sensor| sensor.camera.transform().is_moving());
-        let moments = |shutter: Shutter| -> Vec<f64> {
-            if is_moving && !shutter.is_instant() {
-                MOMENTS.iter().map(|&u| shutter.at(u)).collect()
-            } else {
-                vec![shutter.open_s]
-            }
-        };
-        let contexts: Vec<LightContext> = moments(shutter)
-            .into_iter()
-            .map(|time| LightContext {
-                accel: &accel,
-                center,
-                radius,
-                time,
-            })
-            .collect();
+    /// Numbers all motions; how many there are.
+    fn motions(&mut self) -> usize {
+        let mut next = 0;
+        for instance in &mut self.instances {
+            instance.transform.enumerate(&mut next);
+        }
+        for transform in self.lights.iter_mut().filter_map(|l| l.transform.as_mut()) {
+            transform.enumerate(&mut next);
+        }
+        for sensor in &mut self.sensors {
+            sensor.camera.enumerate_motion(&mut next);
+        }
+        next
+    }
+
+    /// The mean power of each light over the moments.
+    fn powers(&self, accel: &Accel, moments: &Moments) -> Result<Vec<f64>, BuildError> {
         let mean_power = |light: &Light| {
-            contexts.iter().map(|c| light.power(c)).sum::<f64>() / contexts.len() as f64
+            let powers = moments.all.iter().map(|&t| light.power(&accel.at(t)));
+            powers.sum::<f64>() / moments.all.len() as f64
         };
-        let powers: Vec<f64> = lights.iter().map(mean_power).collect();
+        let powers: Vec<f64> = self.lights.iter().map(mean_power).collect();
         if !powers.iter().any(|&p| p > 0.0) {
             return Err(BuildError::NoLight);
         }
-        let distribution = distribution(&wavelengths, &lights, &powers);
+        Ok(powers)
+    }
 
-        let mut light_stacks = Vec::with_capacity(lights.len());
-        for ((light, name), subject) in lights.iter().zip(&light_names).zip(light_subjects) {
-            let stacks = contexts
-                .iter()
-                .map(|context| light_stack(&accel, &objects, context, light, ambient));
-            light_stacks.push(constant_stack(stacks, subject, name)?);
-        }
-        for (index, sensor) in placed.iter_mut().enumerate() {
-            let stacks = moments(sensor.shutter)
-                .into_iter()
-                .map(|time| sensor_stack(&accel, &objects, &sensor.camera, time, ambient));
-            sensor.stack = constant_stack(stacks, Subject::Sensor(index), &sensor.name)?;
-        }
-        let environments = (0..lights.len())
-            .filter(|&i| matches!(lights[i], Light::Environment(_)))
-            .map(|i| LightId(i as u32))
-            .collect();
-        let mut scene = Self {
-            has_coverage: objects.iter().any(|o| o.covered),
-            selection: LightSelection::new(&powers),
-            accel,
-            objects,
-            materials,
-            media,
-            lights,
-            light_names,
-            light_stacks,
-            environments,
-            sensors: placed,
-            wavelengths: distribution,
-            wavelength_settings: wavelengths,
-            center,
-            radius,
-            is_moving,
-            effects: Vec::new(),
-            hash,
+    /// The solids each light is in.
+    fn light_stacks(
+        &self,
+        accel: &Accel,
+        moments: &Moments,
+    ) -> Result<Vec<MediumStack>, BuildError> {
+        let named = self.light_names.iter().zip(&self.light_subjects);
+        let stack = |(light, (name, subject)): (&Light, (&String, &Subject))| {
+            let at = |&t: &f64| self.light_stack(&accel.at(t), light);
+            constant_stack(moments.all.iter().map(at), *subject, name)
         };
-        scene.effects = find_effects(&scene);
-        Ok(scene)
+        self.lights.iter().zip(named).map(stack).collect()
+    }
+
+    /// Sets the solids that each sensor is in.
+    fn sensor_stacks(&mut self, accel: &Accel, moments: &Moments) -> Result<(), BuildError> {
+        for index in 0..self.sensors.len() {
+            let sensor = &self.sensors[index];
+            let moments = moments.of(sensor.shutter);
+            let at = |&t: &f64| self.sensor_stack(&accel.at(t), &sensor.camera);
+            let stacks = moments.iter().map(at);
+            self.sensors[index].stack =
+                constant_stack(stacks, Subject::Sensor(index), &sensor.name)?;
+        }
+        Ok(())
+    }
+
+    fn light_stack(&self, geometry: &AccelAt, light: &Light) -> Option<MediumStack> {
+        let stack = |p, n, start| stack_at(geometry, &self.objects, p, n, start, self.ambient);
+        match light.as_area() {
+            Some(area) => common_stack(PROBES.iter().map(|&[u, v, w]| {
+                let point = area.sample(geometry, u, DVec2::new(v, w)).point;
+                stack(point.p, point.ng, Some(point.id))
+            })),
+            None if light.is_infinite() => Some(MediumStack::new(self.ambient)),
+            None => {
+                let p = light.placement(geometry).to_world.translation;
+                stack(p, DVec3::ZERO, None)
+            }
+        }
+    }
+
+    fn sensor_stack(&self, geometry: &AccelAt, camera: &Camera) -> Option<MediumStack> {
+        let size = camera.resolution().size();
+        common_stack(PROBES.iter().map(|&[u, v, _]| {
+            let (raster, u_lens) = (DVec2::new(u, v) * size, DVec2::new(v, u));
+            let xk = camera.sample_ray(raster, u_lens, geometry.moment()).xk;
+            stack_at(
+                geometry,
+                &self.objects,
+                xk.p,
+                xk.n,
+                xk.surface,
+                self.ambient,
+            )
+        }))
     }
 }
 
@@ -310,7 +430,7 @@ fn distribution(
         .iter()
         .zip(powers)
         .map(|(light, power)| {
-            let emission = light.emission().clone();
+            let emission = light.emission.clone();
             let visible = emission.visible_power();
             let weight = if visible > 0.0 { power / visible } else { 0.0 };
             (emission, weight)
@@ -326,14 +446,6 @@ fn distribution(
         }
         _ => scene,
     }
-}
-
-/// The sphere around the geometry's box; of radius 1 about the origin without geometry.
-fn bounding_sphere(accel: &Accel) -> (DVec3, f64) {
-    accel.bounds().map_or((DVec3::ZERO, 1.0), |(low, high)| {
-        let radius = (high - low).length() * 0.5;
-        ((low + high) * 0.5, if radius > 0.0 { radius } else { 1.0 })
-    })
 }
 
 /// The common stack of all moments, or why there is none.
@@ -360,69 +472,10 @@ fn constant_stack(
     Ok(found.expect("invariant: there is at least one moment"))
 }
 
-fn light_stack(
-    accel: &Accel,
-    objects: &[Object],
-    context: &LightContext,
-    light: &Light,
-    ambient: MediumId,
-) -> Option<MediumStack> {
-    match light {
-        Light::Area(area) => {
-            let mut found: Option<MediumStack> = None;
-            for [u, v, w] in PROBES {
-                let point = area.sample(context, u, DVec2::new(v, w)).point;
-                let stack = stack_at(
-                    accel,
-                    objects,
-                    point.p,
-                    point.ng,
-                    Some(point.id),
-                    context.time,
-                    ambient,
-                )?;
-                if found.as_ref().is_some_and(|first| *first != stack) {
-                    return None;
-                }
-                found = Some(stack);
-            }
-            found
-        }
-        Light::Point(PointLight { transform, .. })
-        | Light::Spot(SpotLight { transform, .. })
-        | Light::Beam(BeamLight { transform, .. }) => {
-            let p = transform.at(context.time).to_world.translation;
-            stack_at(accel, objects, p, DVec3::ZERO, None, context.time, ambient)
-        }
-        Light::Directional(_) | Light::Environment(_) => Some(MediumStack::new(ambient)),
-    }
-}
-
-fn sensor_stack(
-    accel: &Accel,
-    objects: &[Object],
-    camera: &Camera,
-    time: f64,
-    ambient: MediumId,
-) -> Option<MediumStack> {
-    let resolution = camera.resolution();
-    let size = DVec2::new(f64::from(resolution.width), f64::from(resolution.height));
-    let mut found: Option<MediumStack> = None;
-    for [u, v, _] in PROBES {
-        let sample = camera.sample_ray(DVec2::new(u, v) * size, DVec2::new(v, u), time);
-        let stack = stack_at(
-            accel,
-            objects,
-            sample.xk.p,
-            sample.xk.n,
-            sample.xk.surface,
-            time,
-            ambient,
-        )?;
-        if found.as_ref().is_some_and(|first| *first != stack) {
-            return None;
-        }
-        found = Some(stack);
-    }
-    found
+/// The stack that all probes find; `None` where one finds none or they disagree.
+fn common_stack(mut stacks: impl Iterator<Item = Option<MediumStack>>) -> Option<MediumStack> {
+    let first = stacks.next()??;
+    stacks
+        .all(|stack| stack.as_ref() == Some(&first))
+        .then_some(first)
 }

@@ -154,9 +154,10 @@ impl SceneBuilder {
     /// Adds a camera or detector, which measures for the moment 0 s. Cameras have the default filter, detectors that of the
     /// pixel.
     pub fn sensor(&mut self, name: &str, camera: Camera) -> &mut SensorDescription {
-        let filter = match camera {
-            Camera::Detector(_) => Filter::Box,
-            _ => Filter::default(),
+        let filter = if camera.is_hittable() {
+            Filter::Box
+        } else {
+            Filter::default()
         };
         push(
             &mut self.description.sensors,

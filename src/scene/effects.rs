@@ -1,7 +1,6 @@
 //! Which effects a scene calls for, and which of its elements does.
 
 use super::Scene;
-use crate::light::Light;
 use crate::math::named::named;
 use serde::{Deserialize, Serialize};
 
@@ -64,12 +63,12 @@ pub fn find_effects(scene: &Scene) -> Vec<Effect> {
     let lines = scene
         .lights
         .iter()
-        .position(|l| !l.emission().lines.is_empty());
+        .position(|l| !l.emission.lines.is_empty());
     let hidden: Vec<&str> = scene
         .lights
         .iter()
         .zip(&scene.light_names)
-        .filter(|(l, _)| l.is_delta() && !matches!(l, Light::Area(_)))
+        .filter(|(l, _)| l.is_delta() && l.as_area().is_none())
         .map(|(_, name)| name.as_str())
         .collect();
     vec![

@@ -1,5 +1,6 @@
 //! The immutable scene: everything the transport needs, validated when it is built.
 
+pub mod at;
 pub mod build;
 pub mod builder;
 pub mod description;
@@ -10,6 +11,7 @@ pub mod probe;
 pub mod regularization;
 pub mod settings;
 
+pub use at::SceneAt;
 pub use build::{BuildError, Subject};
 pub use builder::{SceneBuilder, SceneBuilderError};
 pub use description::{SceneDescription, WavelengthSettings};
@@ -17,15 +19,14 @@ pub use settings::Settings;
 
 use crate::camera::Camera;
 use crate::film::{Crop, Filter};
-use crate::geometry::{Accel, InstanceId, Ray, Shutter, SurfacePoint};
+use crate::geometry::{Accel, InstanceId, Shutter, SurfacePoint};
 use crate::light::selection::LightSelection;
-use crate::light::{Light, LightContext, LightId};
+use crate::light::{Light, LightId};
 use crate::material::{Material, MaterialId};
-use crate::medium::{Boundary, Medium, MediumStack};
+use crate::medium::{Boundary, Medium, MediumId, MediumStack};
 use crate::spectrum::WavelengthDistribution;
 use crate::texture::Image;
 use effects::{Effect, EffectKind};
-use glam::DVec3;
 use std::sync::Arc;
 
 /// What a surface is, besides its geometry. Index = instance id.
@@ -43,10 +44,10 @@ pub struct Object {
     pub sensor: Option<usize>,
     /// A sensor that lets light through.
     pub transparent_sensor: bool,
-    /// Crossing it without a change of medium is no vertex.
+    /// Clear interface: walks skip it where the medium does not change.
     pub clear: bool,
-    /// It is there only in part: its material has a coverage.
-    pub covered: bool,
+    /// Opacity varies: its material has a coverage map.
+    pub has_alpha: bool,
 }
 
 /// A sensor in the scene.
@@ -100,10 +101,8 @@ pub struct Scene {
     pub wavelengths: WavelengthDistribution,
     /// The choice that it follows from.
     pub wavelength_settings: WavelengthSettings,
-    /// Centre of the bounding sphere.
-    pub center: DVec3,
-    /// Radius of the bounding sphere in metres.
-    pub radius: f64,
+    /// Number of motions, whose placements a moment remembers.
+    pub motions: usize,
     /// Whether anything moves: only then do paths draw a time.
     pub is_moving: bool,
     /// What the scene calls for.
@@ -115,20 +114,42 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// What lights need to know, at a moment.
+    /// The object of an instance.
     #[must_use]
-    pub fn light_context(&self, time: f64) -> LightContext<'_> {
-        LightContext {
-            accel: &self.accel,
-            center: self.center,
-            radius: self.radius,
-            time,
-        }
+    #[inline]
+    pub fn object(&self, id: InstanceId) -> &Object {
+        &self.objects[id.0 as usize]
     }
 
-    /// What an object is made of.
+    /// The material of this id.
+    #[must_use]
+    #[inline]
+    pub fn material(&self, id: MaterialId) -> &Material {
+        &self.materials[id.0 as usize]
+    }
+
+    /// The medium of this id.
+    #[must_use]
+    pub fn medium(&self, id: MediumId) -> &Medium {
+        &self.media[id.0 as usize]
+    }
+
+    /// The light of this id.
+    #[must_use]
+    #[inline]
+    pub fn light(&self, id: LightId) -> &Light {
+        &self.lights[id.0 as usize]
+    }
+
+    /// The solids a light is in.
+    #[must_use]
+    pub fn light_stack(&self, id: LightId) -> &MediumStack {
+        &self.light_stacks[id.0 as usize]
+    }
+
+    /// The material of an instance.
     fn material_of(&self, id: InstanceId) -> &Material {
-        &self.materials[self.objects[id.0 as usize].material.0 as usize]
+        self.material(self.object(id).material)
     }
 
     /// The share of the surface that is there at a point, in [0, 1].
@@ -136,36 +157,6 @@ impl Scene {
     pub fn coverage(&self, point: &SurfacePoint) -> f64 {
         let material = self.material_of(point.id.instance);
         material.coverage.as_ref().map_or(1.0, |c| c.at(point.uv))
-    }
-
-    /// The product of what the objects with a coverage leave open along a segment.
-    #[must_use]
-    pub fn uncovered(&self, ray: &Ray) -> f64 {
-        let (mut ray, mut open) = (*ray, 1.0);
-        while open > 0.0
-            && let Some(hit) = self
-                .accel
-                .closest(&ray, |id| self.objects[id.0 as usize].covered)
-        {
-            let point = self.accel.surface(&ray, &hit);
-            open *= 1.0 - self.coverage(&point);
-            ray = Ray {
-                o: point.p,
-                t_max: ray.t_max - hit.t,
-                start: Some(point.id),
-                ..ray
-            };
-        }
-        open
-    }
-
-    /// The point with the shading normal of its material: the one place where normals are bent, for all strategies.
-    #[must_use]
-    pub fn shading_point(&self, mut point: SurfacePoint, time: f64) -> SurfacePoint {
-        if let Some(map) = &self.material_of(point.id.instance).normal {
-            point.ns = map.normal(&point, self.accel.tangents(&point, time));
-        }
-        point
     }
 
     /// The images of all materials and lights, each once.

@@ -32,7 +32,7 @@ impl Scene {
             .filter(|(i, instance)| self.objects[*i].sensor.is_none() && instance.is_moving())
             .map(|(i, _)| Moving::Object(i));
         let lights = (0..self.lights.len())
-            .filter(|&i| self.lights[i].transform().is_some_and(|t| t.is_moving()))
+            .filter(|&i| self.lights[i].is_moving())
             .map(Moving::Light);
         let sensors = (0..self.sensors.len())
             .filter(|&i| self.sensors[i].camera.transform().is_moving())
@@ -40,7 +40,7 @@ impl Scene {
         objects.chain(lights).chain(sensors).collect()
     }
 
-    /// What a moving thing is, and its name.
+    /// The kind of a moving thing, and its name.
     #[must_use]
     pub fn name_of(&self, moving: Moving) -> (&'static str, &str) {
         match moving {
@@ -50,15 +50,15 @@ impl Scene {
         }
     }
 
-    /// The longest way, in pixels, that a point of the thing goes in the picture of a camera while its shutter is open;
-    /// of a moving camera itself, the longest way of a corner of the scene. `None` where there is nothing to follow:
+    /// Length of the longest screen-space track, in pixels, of a point of the thing in the picture of a camera while its
+    /// shutter is open; of a moving camera itself, of a corner of the scene. `None` where there is nothing to follow:
     /// for detectors, for lights at infinity, for what is behind the camera.
     #[must_use]
-    pub fn way_px(&self, sensor: usize, moving: Moving) -> Option<f64> {
+    pub fn motion_blur_px(&self, sensor: usize, moving: Moving) -> Option<f64> {
         let points: Vec<Box<dyn Fn(f64) -> DVec3 + '_>> = match moving {
             Moving::Object(i) => points_of(&self.accel.instances()[i]),
             Moving::Light(i) => {
-                let transform = self.lights[i].transform()?;
+                let transform = self.lights[i].transform.as_ref()?;
                 let at = |t: f64| transform.at(t).to_world.translation;
                 (!self.lights[i].is_infinite())
                     .then(|| vec![Box::new(at) as Box<dyn Fn(f64) -> DVec3>])?
@@ -97,9 +97,10 @@ impl Scene {
         }
         let time = sensor.shutter.at(u);
         let center = DVec2::splat(0.5);
-        let seen = sensor
-            .camera
-            .sample_connection(point(time), center, time, f64::INFINITY)?;
+        let seen =
+            sensor
+                .camera
+                .sample_connection(point(time), center, time.into(), f64::INFINITY)?;
         Some(seen.raster)
     }
 }

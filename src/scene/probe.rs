@@ -1,7 +1,7 @@
 //! Which solids a point is inside of, found by counting the surfaces that rays to infinity cross.
 
 use super::Object;
-use crate::geometry::{Accel, Ray, SurfaceId};
+use crate::geometry::{AccelAt, InstanceId, Ray, SurfaceId};
 use crate::math::frame::Frame;
 use crate::medium::{Boundary, MediumId, MediumStack};
 use glam::DVec3;
@@ -16,16 +16,15 @@ const DIRECTIONS: [DVec3; 3] = [
     DVec3::new(0.214_83, -0.431_27, 0.876_28),
 ];
 
-/// The stack at `p` and `time`, on the side of `normal` where `p` lies on the surface `start`. `None` where three rays disagree: a solid is open
-/// there, or a surface cuts through.
+/// The stack at `p`, on the side of `normal` where `p` lies on the surface `start`. `None` where three rays disagree: a
+/// solid is open there, or a surface cuts through.
 #[must_use]
 pub fn stack_at(
-    accel: &Accel,
+    geometry: &AccelAt,
     objects: &[Object],
     p: DVec3,
     normal: DVec3,
     start: Option<SurfaceId>,
-    time: f64,
     ambient: MediumId,
 ) -> Option<MediumStack> {
     let frame = Frame::from_z(if normal == DVec3::ZERO {
@@ -36,9 +35,9 @@ pub fn stack_at(
     let mut found: Option<MediumStack> = None;
     for direction in DIRECTIONS {
         let stack = along(
-            accel,
+            geometry,
             objects,
-            Ray::leaving(p, frame.to_outer(direction.normalize()), time, start),
+            Ray::leaving(p, frame.to_outer(direction.normalize()), start),
             ambient,
         )?;
         if found.as_ref().is_some_and(|first| *first != stack) {
@@ -51,7 +50,7 @@ pub fn stack_at(
 
 /// The stack at the origin of one ray: the solids it leaves more often than it enters.
 fn along(
-    accel: &Accel,
+    geometry: &AccelAt,
     objects: &[Object],
     mut ray: Ray,
     ambient: MediumId,
@@ -59,11 +58,12 @@ fn along(
     let mut left: Vec<(usize, i32)> = Vec::new();
     let mut outside = None;
     for _ in 0..MOST_CROSSINGS {
-        let Some(hit) = accel.closest(&ray, |id| objects[id.0 as usize].boundary != Boundary::None)
+        let Some(hit) =
+            geometry.closest(&ray, |id| objects[id.0 as usize].boundary != Boundary::None)
         else {
             let mut stack = MediumStack::new(outside.unwrap_or(ambient));
             for (index, count) in left {
-                let id = crate::geometry::InstanceId(index as u32);
+                let id = InstanceId(index as u32);
                 match count {
                     0 => {}
                     1 => stack = stack.crossed(objects[index].boundary, id, true)?,
@@ -72,7 +72,7 @@ fn along(
             }
             return Some(stack);
         };
-        let point = accel.surface(&ray, &hit);
+        let point = geometry.surface(&ray, &hit);
         let index = hit.id.instance.0 as usize;
         let leaving = ray.d.dot(point.ng) > 0.0;
         match objects[index].boundary {
@@ -88,7 +88,7 @@ fn along(
                 outside.get_or_insert(if leaving { below } else { above });
             }
         }
-        ray = Ray::leaving(point.p, ray.d, ray.time, Some(point.id));
+        ray = Ray::leaving(point.p, ray.d, Some(point.id));
     }
     None
 }

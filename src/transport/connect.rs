@@ -95,7 +95,7 @@ impl<'a> Joiner<'a> {
     }
 
     fn light(&self, id: LightId) -> &'a Light {
-        &self.context.scene.lights[id.0 as usize]
+        self.context.scene.light(id)
     }
 
     /// Applies the MIS weight, Russian roulette and the visibility test, then records the
@@ -209,7 +209,7 @@ impl<'a> Joiner<'a> {
     fn emission(&self, id: LightId, x0: &EndPoint, direction: DVec3) -> (f64, DirectionalDensity) {
         let (pdf_x0, pdf_direction) =
             self.light(id)
-                .emission_density(&self.context.light_context(), x0, direction);
+                .emission_density(&self.context.scene.geometry, x0, direction);
         let pf0 = self.context.scene.selection.probability(id) * pdf_x0;
         (pf0, pdf_direction)
     }

@@ -2,10 +2,10 @@
 
 use super::regularize::Cone;
 use crate::bsdf::Interface;
-use crate::geometry::{EndPoint, InstanceId, Ray};
-use crate::light::{LightContext, LightId};
+use crate::geometry::{EndPoint, InstanceId, Moment, Ray};
+use crate::light::LightId;
 use crate::medium::{MediumId, MediumLanes, Region};
-use crate::scene::Scene;
+use crate::scene::SceneAt;
 use crate::spectrum::{LaneResponse, SampledSpectrum, SampledWavelengths};
 use glam::DVec3;
 
@@ -91,15 +91,13 @@ impl Counters {
 #[derive(Debug)]
 pub struct PathContext<'a> {
     /// The scene.
-    pub scene: &'a Scene,
+    pub scene: SceneAt<'a>,
     /// The sensor, by index.
     pub sensor: usize,
     /// The pass.
     pub pass: &'a PassSettings,
     /// Every medium of the scene at these wavelengths.
     pub media: &'a [MediumLanes],
-    /// Time of this path, in seconds.
-    pub time: f64,
     /// Wavelengths of its lanes.
     pub wavelengths: SampledWavelengths,
     /// Response of the sensor's channels to each lane.
@@ -107,6 +105,12 @@ pub struct PathContext<'a> {
 }
 
 impl<'a> PathContext<'a> {
+    /// The moment of this path.
+    #[must_use]
+    pub fn moment(&self) -> Moment<'_> {
+        self.scene.moment()
+    }
+
     /// Lanes in use.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -116,14 +120,8 @@ impl<'a> PathContext<'a> {
     /// Density of x₀ by direct sampling from `x1`, selection included.
     #[must_use]
     pub fn direct_density(&self, id: LightId, x1: DVec3, x0: &EndPoint) -> f64 {
-        let light = &self.scene.lights[id.0 as usize];
-        self.scene.selection.probability(id) * light.direct_density(&self.light_context(), x1, x0)
-    }
-
-    /// Context of lights at the time of this path.
-    #[must_use]
-    pub fn light_context(&self) -> LightContext<'_> {
-        self.scene.light_context(self.time)
+        let light = self.scene.light(id);
+        self.scene.selection.probability(id) * light.direct_density(&self.scene.geometry, x1, x0)
     }
 
     /// A medium at the path's wavelengths.
@@ -158,10 +156,10 @@ impl<'a> PathContext<'a> {
     pub fn visibility(&self, ray: &Ray, region: &Region, counters: &mut Counters) -> f64 {
         counters.shadow_rays += 1;
         let objects = &self.scene.objects;
-        let occluded = self.scene.accel.occluded(ray, |id: InstanceId| {
+        let occluded = self.scene.geometry.occluded(ray, |id: InstanceId| {
             let object = &objects[id.0 as usize];
             !(object.transparent_sensor
-                || object.covered
+                || object.has_alpha
                 || object.clear && region.passes(object.boundary, id))
         });
         if occluded {

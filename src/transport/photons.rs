@@ -261,7 +261,7 @@ impl PhotonBuffer {
         path: u32,
     ) {
         let Some(id) = light.light else { return };
-        let source = &context.scene.lights[id.0 as usize];
+        let source = context.scene.light(id);
         let direct = light.direct / light.densities[0].own;
         let count = context.count();
         let (mut labels, mut columns) = (0_u32, false);
@@ -287,7 +287,7 @@ impl PhotonBuffer {
                 let densities = &light.densities[..i + 2];
                 let terms = side_terms(densities, factor, MergeSide::Light { direct }, strategies);
                 self.push(
-                    vertex.p - context.scene.center,
+                    vertex.p - context.scene.accel.center(),
                     vertex.toward_previous,
                     &terms,
                     Info {

@@ -74,7 +74,7 @@ pub fn walk(
     let mut crossings = 0;
     loop {
         counters.closest_rays += 1;
-        let Some(hit) = scene.accel.closest(&ray, |_| true) else {
+        let Some(hit) = scene.closest(&ray, |_| true) else {
             let own = travel.solid_angle();
             let mut density = VertexDensity::new(own.hero);
             density.own_column = path.store_column(&own);
@@ -86,20 +86,20 @@ pub fn walk(
             });
             return;
         };
-        let object = &scene.objects[hit.id.instance.0 as usize];
-        let point = scene.accel.surface(&ray, &hit);
+        let object = scene.object(hit.id.instance);
+        let point = scene.geometry.surface(&ray, &hit);
         let entering = ray.d.dot(point.ng) < 0.0;
         let distance = passed + hit.t;
-        let through = |ray: &Ray| Ray::leaving(point.p, ray.d, ray.time, Some(point.id));
+        let through = |ray: &Ray| Ray::leaving(point.p, ray.d, Some(point.id));
 
-        if object.covered && {
+        if object.has_alpha && {
             let vertices = path.vertices.len();
             let draw = match generate {
                 Side::Light => Draw::CameraCoverage(vertices, crossings),
                 Side::Camera => Draw::LightCoverage(vertices, crossings),
             };
             crossings += 1;
-            passes_through_opening(scene, &point, || sampler.number(draw))
+            passes_through_opening(&scene, &point, || sampler.number(draw))
         } {
             ray = through(&ray);
             passed = distance;
@@ -144,7 +144,7 @@ pub fn walk(
         } else {
             [there, here]
         };
-        let point = scene.shading_point(point, context.time);
+        let point = scene.shading_point(point);
         let index = path.vertices.len();
         if let (Some(light), Side::Light) = (object.light, generate) {
             path.light_hits.push(LightHit {
@@ -154,7 +154,7 @@ pub fn walk(
             });
         }
         let first_lobe = path.lobes.len();
-        scene.materials[object.material.0 as usize].push_lobes(
+        scene.material(object.material).push_lobes(
             point.uv,
             &context.wavelengths,
             &context.interface(&regions),
@@ -221,7 +221,7 @@ pub fn walk(
             sample.pdf,
             sample.columns.as_ref().map(|c| &c.0),
         ));
-        ray = Ray::leaving(vertex.p, w, context.time, Some(vertex.id));
+        ray = Ray::leaving(vertex.p, w, Some(vertex.id));
         passed = 0.0;
         crossings = 0;
     }
@@ -300,7 +300,8 @@ fn record_sensor_hit(
     throughput: Throughput,
 ) {
     let sensor = &context.scene.sensors[context.sensor];
-    let Some((raster, importance)) = sensor.camera.arrive(point, -direction, context.time) else {
+    let Some((raster, importance)) = sensor.camera.arrive(point, -direction, context.moment())
+    else {
         return;
     };
     let own = travel.area_density(direction.dot(point.ng).abs(), distance * distance);

@@ -135,7 +135,7 @@ fn merging_takes_no_memory() {
         spread(&job, |pixel| tracer.trace(&job, &pass, pixel, &mut buffer));
     });
     assert_eq!(traced, 0);
-    let photons = PhotonMap::build(buffer, job.lanes(), scene.center, radius).unwrap();
+    let photons = PhotonMap::build(buffer, job.lanes(), scene.accel.center(), radius).unwrap();
     let mut workspace = Workspace::default();
     let count = after_warm_up(|| {
         spread(&job, |pixel| {

@@ -90,7 +90,7 @@ fn bounces() -> Vec<Ray> {
             let u = DVec2::new(next(), next());
             let s = sampler.sample(instance, InstanceId(0), 0.0, next(), u);
             let d = (s.point.ng + on_sphere(next(), next())).normalize();
-            Ray::leaving(s.point.p, d, 0.0, Some(s.point.id))
+            Ray::leaving(s.point.p, d, Some(s.point.id))
         })
         .collect()
 }
@@ -102,7 +102,7 @@ fn chords() -> Vec<Ray> {
     (0..RAYS)
         .map(|_| {
             let (a, b) = (point(), point());
-            Ray::new(a, (b - a).normalize(), 0.0)
+            Ray::new(a, (b - a).normalize())
         })
         .collect()
 }
@@ -114,7 +114,7 @@ fn camera() -> Vec<Ray> {
         .map(|i| {
             let at = |k: u64| k as f64 / side as f64 * 2.4 - 1.2;
             let target = dvec3(at(i % side), 1.15 + at(i / side), 0.0);
-            Ray::new(eye, (target - eye).normalize(), 0.0)
+            Ray::new(eye, (target - eye).normalize())
         })
         .collect()
 }
@@ -124,7 +124,7 @@ fn closest(bencher: Bencher, rays: &[Ray]) {
         .counter(ItemsCount::new(rays.len()))
         .bench_local(|| {
             rays.iter()
-                .filter(|ray| SCENE.closest(black_box(ray), |_| true).is_some())
+                .filter(|ray| SCENE.at(0.0).closest(black_box(ray), |_| true).is_some())
                 .count()
         });
 }
@@ -134,7 +134,7 @@ fn occluded(bencher: Bencher, rays: &[Ray]) {
         .counter(ItemsCount::new(rays.len()))
         .bench_local(|| {
             rays.iter()
-                .filter(|ray| SCENE.occluded(black_box(ray), |_| true))
+                .filter(|ray| SCENE.at(0.0).occluded(black_box(ray), |_| true))
                 .count()
         });
 }

@@ -6,7 +6,7 @@
 #![allow(clippy::print_stdout, reason = "a program that prints its results")]
 
 use abbe::glam::DVec3;
-use abbe::light::{Light, beam::BeamLight};
+use abbe::light::Light;
 use abbe::material::Material;
 use abbe::medium::Medium;
 use abbe::render::{OutputRequest, Session, SessionOptions};
@@ -47,8 +47,10 @@ fn measured() -> Result<Vec<(f64, f64)>, Box<dyn Error>> {
         .filled_with(glass);
     // a beam of 1 W/(m² nm), wider than the detector
     let white = Emission::from_curve(Curve::Constant(1.0));
-    let beam = BeamLight::aimed(DVec3::Z * 0.1, DVec3::NEG_Z, white, 0.02);
-    scene.light("beam", Light::Beam(beam));
+    scene.light(
+        "beam",
+        Light::beam(DVec3::Z * 0.1, DVec3::NEG_Z, white, 0.02),
+    );
     let (u, v) = (DVec3::X * 0.01, DVec3::Y * 0.01);
     scene.detector("screen", [PIXELS; 2], DVec3::NEG_Z * 0.1, u, v);
     scene.wavelengths(WavelengthSettings {

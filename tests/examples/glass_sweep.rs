@@ -6,7 +6,7 @@
 
 use abbe::geometry::Mesh;
 use abbe::glam::{DAffine3, DVec3};
-use abbe::light::{Light, beam::BeamLight};
+use abbe::light::Light;
 use abbe::material::Material;
 use abbe::render::{OutputRequest, Session, SessionOptions};
 use abbe::scene::settings::IntegratorKind;
@@ -83,8 +83,10 @@ fn measured(glass: &str) -> Result<[f64; 3], Box<dyn Error>> {
         value: 1.0,
     });
     let light = Emission::from_lines(lines.to_vec());
-    let beam = BeamLight::aimed(face - along * 0.1, along, light, 0.05 * SIDE);
-    scene.light("beam", Light::Beam(beam));
+    scene.light(
+        "beam",
+        Light::beam(face - along * 0.1, along, light, 0.05 * SIDE),
+    );
     // the detector faces the prism; columns run with the deviation
     let out = along.y.atan2(along.x) - MIDDLE;
     let u = -direction(out + std::f64::consts::FRAC_PI_2);

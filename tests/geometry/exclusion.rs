@@ -55,10 +55,10 @@ fn leaving_outward_never_hits_a_convex_shape() {
                 if d.dot(from.ng) < tolerance(&map) {
                     continue;
                 }
-                let ray = Ray::leaving(from.p, d, 0.0, Some(from.id));
-                let hit = accel.closest(&ray, |_| true);
+                let ray = Ray::leaving(from.p, d, Some(from.id));
+                let hit = accel.at(0.0).closest(&ray, |_| true);
                 assert!(hit.is_none(), "{shape:?} {map:?} {ray:?} {hit:?}");
-                assert!(!accel.occluded(&ray, |_| true));
+                assert!(!accel.at(0.0).occluded(&ray, |_| true));
             }
         }
     }
@@ -81,9 +81,9 @@ fn leaving_inward_hits_the_far_side_of_a_solid() {
                 if d.dot(from.ng) > -0.05 || d.dot(to.ng) < 0.05 {
                     continue;
                 }
-                let ray = Ray::leaving(from.p, d, 0.0, Some(from.id));
-                let hit = accel.closest(&ray, |_| true).expect("the far side");
-                let p = accel.surface(&ray, &hit).p;
+                let ray = Ray::leaving(from.p, d, Some(from.id));
+                let hit = accel.at(0.0).closest(&ray, |_| true).expect("the far side");
+                let p = accel.at(0.0).surface(&ray, &hit).p;
                 let error = p.distance(to.p) / size;
                 assert!(error < 100.0 * blur, "{shape:?} {map:?}: {error}");
             }
@@ -109,9 +109,12 @@ fn segments_between_points_of_a_convex_solid_are_free_inside_and_blocked_by_noth
                 let ray = Ray {
                     t_max: v.length(),
                     end: Some(to.id),
-                    ..Ray::leaving(from.p, v.normalize(), 0.0, Some(from.id))
+                    ..Ray::leaving(from.p, v.normalize(), Some(from.id))
                 };
-                assert!(!accel.occluded(&ray, |_| true), "{shape:?} {map:?} {ray:?}");
+                assert!(
+                    !accel.at(0.0).occluded(&ray, |_| true),
+                    "{shape:?} {map:?} {ray:?}"
+                );
             }
         }
     }
@@ -136,10 +139,10 @@ fn segments_from_free_space_see_the_near_side_only() {
                 let ray = Ray {
                     t_max: v.length(),
                     end: Some(to.id),
-                    ..Ray::new(o, v.normalize(), 0.0)
+                    ..Ray::new(o, v.normalize())
                 };
                 assert_eq!(
-                    accel.occluded(&ray, |_| true),
+                    accel.at(0.0).occluded(&ray, |_| true),
                     cos > 0.0,
                     "{shape:?} {map:?} {ray:?} {cos}"
                 );
@@ -155,8 +158,8 @@ fn a_chord_inside_a_sphere_has_its_closed_length() {
     for _ in 0..1000 {
         let from = sample(&accel, &mut random);
         let d = random.direction();
-        let ray = Ray::leaving(from.p, d, 0.0, Some(from.id));
-        let t = accel.closest(&ray, |_| true).map(|h| h.t);
+        let ray = Ray::leaving(from.p, d, Some(from.id));
+        let t = accel.at(0.0).closest(&ray, |_| true).map(|h| h.t);
         let chord = -2.0 * from.ng.dot(d) * 1e-3;
         match t {
             Some(t) => assert!((t - chord).abs() < 1e-16),

@@ -49,12 +49,12 @@ fn rays_that_are_not_numbers() {
     for _ in 0..200_000 {
         let mut any = || odd[random.index(odd.len())];
         let (o, d) = (dvec3(any(), any(), any()), dvec3(any(), any(), any()));
-        let ray = Ray::new(o, d, 0.0);
-        if let Some(hit) = accel.closest(&ray, |_| true) {
+        let ray = Ray::new(o, d);
+        if let Some(hit) = accel.at(0.0).closest(&ray, |_| true) {
             assert!(hit.t > 0.0 && hit.t.is_finite(), "{ray:?}: {hit:?}");
             hits += 1;
         }
-        let _ = accel.occluded(&ray, |_| true);
+        let _ = accel.at(0.0).occluded(&ray, |_| true);
     }
     assert!(hits > 100, "rays that are rays hit: {hits}");
 }
@@ -86,12 +86,8 @@ fn slivers_leave_no_gap() {
         } else {
             x((u * f64::from(STRIPS)) as u32).max(1e-6)
         };
-        let ray = Ray::new(
-            dvec3(u, 0.999 * random.unit() + 5e-4, 2.0),
-            DVec3::NEG_Z,
-            0.0,
-        );
-        let t = accel.closest(&ray, |_| true).map(|h| h.t);
+        let ray = Ray::new(dvec3(u, 0.999 * random.unit() + 5e-4, 2.0), DVec3::NEG_Z);
+        let t = accel.at(0.0).closest(&ray, |_| true).map(|h| h.t);
         assert!(t.is_some_and(|t| (t - 2.0).abs() < 1e-12), "{ray:?}: {t:?}");
     }
 }

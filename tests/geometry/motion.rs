@@ -154,8 +154,8 @@ fn compare(name: &str, instances: Vec<Instance>, rays: usize) -> usize {
                 };
                 let o = target + random.direction() * far;
                 let jitter = random.direction() * 0.3 * random.unit();
-                let ray = Ray::new(o, (target + jitter - o).normalize(), time);
-                let found = accel.closest(&ray, |_| true).map(|hit| hit.t);
+                let ray = Ray::new(o, (target + jitter - o).normalize());
+                let found = accel.at(time).closest(&ray, |_| true).map(|hit| hit.t);
                 let brute = posed
                     .iter()
                     .flat_map(|(placement, all)| {
@@ -169,7 +169,11 @@ fn compare(name: &str, instances: Vec<Instance>, rays: usize) -> usize {
                     })
                     .reduce(f64::min);
                 assert_eq!(found, brute, "{name}, time {time}");
-                assert_eq!(accel.occluded(&ray, |_| true), brute.is_some(), "{name}");
+                assert_eq!(
+                    accel.at(time).occluded(&ray, |_| true),
+                    brute.is_some(),
+                    "{name}"
+                );
                 hits += usize::from(found.is_some());
             }
             hits

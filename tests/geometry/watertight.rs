@@ -38,10 +38,10 @@ fn misses(accel: &Accel, distance: f64, n: usize, random: &mut Random) -> usize 
                 to_world.transform_point3(o),
                 to_world.transform_point3(target),
             );
-            let ray = Ray::new(o, (target - o).normalize(), 0.0);
-            let hit = accel.closest(&ray, |_| true);
+            let ray = Ray::new(o, (target - o).normalize());
+            let hit = accel.at(0.0).closest(&ray, |_| true);
             let near = hit.is_some_and(|hit| {
-                let p = accel.surface(&ray, &hit).p;
+                let p = accel.at(0.0).surface(&ray, &hit).p;
                 let size = to_world.matrix3.x_axis.length();
                 let error = 1e-6 * size + 1e-14 * (o.length() + target.length());
                 p.distance(target) < error || distance > 1e4 || hit.t < o.distance(target)
@@ -50,7 +50,7 @@ fn misses(accel: &Accel, distance: f64, n: usize, random: &mut Random) -> usize 
                 t_max: 2.0 * o.distance(target),
                 ..ray
             };
-            !(near && accel.occluded(&segment, |_| true))
+            !(near && accel.at(0.0).occluded(&segment, |_| true))
         })
         .count()
 }
@@ -113,8 +113,8 @@ fn closed_meshes_with_small_or_offset_vertices_do_not_leak() {
                     c[1].lerp(c[2], random.unit())
                 };
                 let o = center + random.direction() * scale * 0.5;
-                let ray = Ray::new(o, (target - o).normalize(), 0.0);
-                accel.closest(&ray, |_| true).is_none()
+                let ray = Ray::new(o, (target - o).normalize());
+                accel.at(0.0).closest(&ray, |_| true).is_none()
             })
             .count();
         assert_eq!(missed, 0, "of 30000 at scale {scale}, offset {offset}");
@@ -152,13 +152,13 @@ fn the_tree_finds_what_brute_force_finds() {
                 .filter_map(|c| tri.intersect(c, f64::INFINITY))
                 .map(|h| h.t)
                 .reduce(f64::min);
-            let ray = Ray::new(o, d, 0.0);
-            let hit = accel.closest(&ray, |_| true);
+            let ray = Ray::new(o, d);
+            let hit = accel.at(0.0).closest(&ray, |_| true);
             assert_eq!(hit.map(|h| h.t), brute);
-            assert_eq!(accel.occluded(&ray, |_| true), brute.is_some());
+            assert_eq!(accel.at(0.0).occluded(&ray, |_| true), brute.is_some());
             if let Some(t) = brute {
                 let before = Ray { t_max: t, ..ray };
-                assert!(!accel.occluded(&before, |_| true));
+                assert!(!accel.at(0.0).occluded(&before, |_| true));
                 found += 1;
             }
         }
@@ -194,14 +194,14 @@ fn hits_at_scale(s: f64) -> Vec<Option<Hit>> {
     let accel = scene(&parts);
     let mut hits = Vec::new();
     for _ in 0..3000 {
-        let mut ray = Ray::new(random.direction() * 4.0 * s, random.direction(), 0.0);
+        let mut ray = Ray::new(random.direction() * 4.0 * s, random.direction());
         ray.d = (ray.d * 2.0 - ray.o / (4.0 * s)).normalize();
         for _ in 0..4 {
-            let hit = accel.closest(&ray, |_| true);
+            let hit = accel.at(0.0).closest(&ray, |_| true);
             hits.push(hit);
             let Some(hit) = hit else { break };
-            let point = accel.surface(&ray, &hit);
-            ray = Ray::leaving(point.p, random.direction(), 0.0, Some(point.id));
+            let point = accel.at(0.0).surface(&ray, &hit);
+            ray = Ray::leaving(point.p, random.direction(), Some(point.id));
         }
     }
     hits
@@ -228,6 +228,9 @@ fn coincident_triangles_build_and_answer() {
     let mesh = abbe::geometry::Mesh::new(&one, None, None, vec![[0, 1, 2]; 20_000]);
     let shape = Shape::Mesh(Arc::new(mesh.expect("valid")));
     let accel = scene(&[(&shape, DAffine3::IDENTITY)]);
-    let ray = Ray::new(dvec3(0.2, 0.2, 1.0), DVec3::NEG_Z, 0.0);
-    assert_eq!(accel.closest(&ray, |_| true).map(|h| h.t), Some(1.0));
+    let ray = Ray::new(dvec3(0.2, 0.2, 1.0), DVec3::NEG_Z);
+    assert_eq!(
+        accel.at(0.0).closest(&ray, |_| true).map(|h| h.t),
+        Some(1.0)
+    );
 }

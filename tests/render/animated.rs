@@ -139,7 +139,7 @@ motion = [{turning}, {lifted}]
     }
     let camera = |scene: &Scene| scene.sensors[0].camera.transform().clone();
     assert_same_way("camera", &camera(&file), &camera(&toml.0));
-    let lamp = |scene: &Scene| scene.lights[0].transform().expect("a spot").clone();
+    let lamp = |scene: &Scene| scene.lights[0].transform.clone().expect("a spot");
     let (a, b) = (lamp(&file), lamp(&toml.0));
     for t in times() {
         let (x, y) = (a.at(t).to_world, b.at(t).to_world);

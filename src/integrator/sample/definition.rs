@@ -9,9 +9,9 @@ mod cases;
 
 use super::{SensorJob, Workspace, begin, sample_pixel};
 use crate::bsdf::{Label, Lobe};
-use crate::geometry::{EndPoint, Hit, Ray, SurfaceId};
-use crate::light::{HitMeasure, Light, LightId};
-use crate::scene::{Scene, Settings};
+use crate::geometry::{EndPoint, Hit, Placements, Ray, SurfaceId};
+use crate::light::{HitMeasure, LightId};
+use crate::scene::{Scene, SceneAt, Settings};
 use crate::spectrum::{MAX_LANES, SensorResponse};
 use crate::transport::record::{Recorded, take};
 use crate::transport::subpath::{Scatterer, Vertex};
@@ -34,7 +34,7 @@ struct Inner<'a> {
 
 /// A finished path: end points, and scattering vertices with their labels in between.
 struct Finished<'a> {
-    scene: &'a Scene,
+    scene: SceneAt<'a>,
     sensor: usize,
     light: LightId,
     x0: EndPoint,
@@ -46,10 +46,10 @@ struct Finished<'a> {
 }
 
 /// The end of a connecting segment as an end point.
-fn end_of(scene: &Scene, ray: &Ray) -> EndPoint {
+fn end_of(scene: &SceneAt, ray: &Ray) -> EndPoint {
     let normal = |id: SurfaceId| {
         scene
-            .accel
+            .geometry
             .surface(
                 ray,
                 &Hit {
@@ -80,7 +80,7 @@ fn light_of(scene: &Scene, ray: &Ray) -> LightId {
             scene
                 .lights
                 .iter()
-                .position(|l| !matches!(l, Light::Area(_)))
+                .position(|l| l.as_area().is_none())
                 .unwrap() as u32,
         ),
     }
@@ -124,14 +124,14 @@ impl<'a> Finished<'a> {
                     .x_sensor;
             }
             (1, 1) if !scene.sensors[sensor].camera.is_hittable() => {
-                x_sensor = end_of(scene, made.segment.as_ref().unwrap());
+                x_sensor = end_of(&scene, made.segment.as_ref().unwrap());
             }
             (1, _) => {
                 let segment = made.segment.as_ref().unwrap();
-                x0 = end_of(scene, segment);
-                id = Some(light_of(scene, segment));
+                x0 = end_of(&scene, segment);
+                id = Some(light_of(&scene, segment));
             }
-            (_, 1) => x_sensor = end_of(scene, made.segment.as_ref().unwrap()),
+            (_, 1) => x_sensor = end_of(&scene, made.segment.as_ref().unwrap()),
             _ => {}
         }
         let on_light = if t == 0 { s - 2 } else { on_light };
@@ -194,10 +194,7 @@ impl<'a> Finished<'a> {
 
     /// Unit direction from x_i to x_{i+1}.
     fn forward(&self, i: usize) -> DVec3 {
-        let parallel = matches!(
-            self.scene.lights[self.light.0 as usize],
-            Light::Directional(_) | Light::Environment(_)
-        );
+        let parallel = self.scene.light(self.light).is_infinite();
         if i == 0 && parallel {
             self.x0.n
         } else {
@@ -252,19 +249,19 @@ impl<'a> Finished<'a> {
     fn densities(&self) -> (Vec<Column>, Vec<Column>, f64) {
         let n = self.len();
         let light = &self.scene.lights[self.light.0 as usize];
-        let context = self.scene.light_context(0.0);
+        let geometry = &self.scene.geometry;
         let camera = &self.scene.sensors[self.sensor].camera;
         let chosen = self.scene.selection.probability(self.light);
         let scaled = |c: Column, f: f64| c.map(|v| v * f);
         let mut pf = vec![[0.0; MAX_LANES]; n];
         let mut pr = pf.clone();
 
-        let (position, direction) = light.emission_density(&context, &self.x0, self.forward(0));
+        let (position, direction) = light.emission_density(geometry, &self.x0, self.forward(0));
         pf[0] = [chosen * position; MAX_LANES];
         let next = direction.area_density(self.cos(1, self.forward(0)), self.d2(0));
         pf[1] = [next * if n == 2 { self.hittable() } else { 1.0 }; MAX_LANES];
 
-        let (position, direction) = camera.density(&self.x_sensor, -self.forward(n - 2), 0.0);
+        let (position, direction) = camera.density(-self.forward(n - 2), self.scene.moment());
         pr[n - 1] = [position; MAX_LANES];
         let to_light = match light.hit_measure() {
             HitMeasure::Area => self.cos(0, self.forward(0)) / self.d2(0),
@@ -300,7 +297,7 @@ impl<'a> Finished<'a> {
             // image cameras see x₀ itself, where it is a point
             if self.x0.infinite { 0.0 } else { pf[0][0] }
         } else {
-            chosen * light.direct_density(&context, self.position(1), &self.x0)
+            chosen * light.direct_density(geometry, self.position(1), &self.x0)
         };
         (pf, pr, direct)
     }
@@ -380,7 +377,12 @@ impl<'a> Finished<'a> {
             // (a lens has its own view from each of its points)
             if self.x_sensor.n == DVec3::ZERO {
                 let margin = self.scene.sensors[self.sensor].filter.margin();
-                let seen = camera.sample_connection(self.position(n - 2), DVec2::ZERO, 0.0, margin);
+                let seen = camera.sample_connection(
+                    self.position(n - 2),
+                    DVec2::ZERO,
+                    self.scene.moment(),
+                    margin,
+                );
                 assert!(seen.is_some(), "x{} is not seen", n - 2);
             }
         }
@@ -446,8 +448,10 @@ fn check(
         {
             take();
             let response = sample_pixel(&job, &pass, (x, y), SensorResponse::Xyz, &mut workspace);
-            let mut media = Vec::new();
-            let (_, context) = begin(&job, &pass, (x, y), SensorResponse::Xyz, &mut media);
+            let (mut placements, mut media) = (Placements::default(), Vec::new());
+            let (placements, media) = (&mut placements, &mut media);
+            let xyz = SensorResponse::Xyz;
+            let (_, context) = begin(&job, &pass, (x, y), xyz, placements, media);
             for made in take() {
                 let path = Finished::new(&context, &workspace.light, &workspace.camera, &made);
                 let what = || {

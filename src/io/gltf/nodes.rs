@@ -10,8 +10,6 @@ use crate::geometry::deforming::DeformingError;
 use crate::geometry::{Mesh, MeshError, Shape, Shutter, Transform};
 use crate::io::model::{ModelCamera, Projection};
 use crate::light::Light;
-use crate::light::directional::DirectionalLight;
-use crate::light::point::PointLight;
 use crate::light::spot::SpotLight;
 use crate::material::MaterialId;
 use crate::medium::{Boundary, MediumId};
@@ -176,10 +174,8 @@ impl Reader<'_> {
             return Err(Fault::new(format!("light \"{name}\" has no direction")));
         };
         let light = match source.type_ {
-            Checked::Valid(LightType::Point) => Light::Point(PointLight::at(position, emission)),
-            Checked::Valid(LightType::Directional) => {
-                Light::Directional(DirectionalLight::along(direction, emission))
-            }
+            Checked::Valid(LightType::Point) => Light::point(position, emission),
+            Checked::Valid(LightType::Directional) => Light::directional(direction, emission),
             Checked::Valid(LightType::Spot) => {
                 let cone = source.spot.clone().unwrap_or_default();
                 let outer = f64::from(cone.outer_cone_angle);
@@ -190,9 +186,11 @@ impl Reader<'_> {
                         "light \"{name}\": cone angles {inner} and {outer} (allowed: 0 <= inner <= outer, outer > 0)"
                     )));
                 }
-                Light::Spot(SpotLight::aimed(
-                    position, direction, emission, outer, inner,
-                ))
+                let cone = SpotLight {
+                    cone_rad: outer,
+                    falloff_start_rad: inner,
+                };
+                Light::spot(position, direction, emission, cone)
             }
             Checked::Invalid => {
                 self.note(format!("light \"{name}\" is of an unknown kind: ignored"));

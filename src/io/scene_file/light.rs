@@ -12,11 +12,7 @@ use super::transform::euler;
 use super::value::{At, Direction, FileName, Length, Name, Point, items};
 use crate::io::model::studio;
 use crate::light::Light;
-use crate::light::beam::BeamLight;
-use crate::light::directional::DirectionalLight;
-use crate::light::environment::EnvironmentLight;
 use crate::light::environment_image::EnvironmentImage;
-use crate::light::point::PointLight;
 use crate::light::spot::SpotLight;
 use crate::scene::description::LightDescription;
 use crate::spectrum::Emission;
@@ -42,10 +38,7 @@ impl Build for PointKeys {
 
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Light> {
         table.sound(cx)?;
-        Some(Light::Point(PointLight::at(
-            self.position.0,
-            self.intensity.0,
-        )))
+        Some(Light::point(self.position.0, self.intensity.0))
     }
 }
 
@@ -75,13 +68,12 @@ impl Build for SpotKeys {
             cx.conflict(&table.span("inner_deg"), message);
         }
         table.sound(cx)?;
-        Some(Light::Spot(SpotLight::aimed(
-            self.position.0,
-            self.direction.0,
-            self.intensity.0,
-            outer.to_radians(),
-            inner.to_radians(),
-        )))
+        let cone = SpotLight {
+            cone_rad: outer.to_radians(),
+            falloff_start_rad: inner.to_radians(),
+        };
+        let (position, direction) = (self.position.0, self.direction.0);
+        Some(Light::spot(position, direction, self.intensity.0, cone))
     }
 }
 
@@ -100,8 +92,7 @@ impl Build for DirectionalKeys {
 
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Light> {
         table.sound(cx)?;
-        let light = DirectionalLight::along(self.direction.0, self.irradiance.0);
-        Some(Light::Directional(light))
+        Some(Light::directional(self.direction.0, self.irradiance.0))
     }
 }
 
@@ -124,12 +115,12 @@ impl Build for BeamKeys {
 
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Light> {
         table.sound(cx)?;
-        Some(Light::Beam(BeamLight::aimed(
+        Some(Light::beam(
             self.position.0,
             self.direction.0,
             self.irradiance.0,
             self.radius.0,
-        )))
+        ))
     }
 }
 
@@ -162,7 +153,7 @@ impl Build for EnvironmentKeys {
             .radiance
             .map_or_else(|| Emission::from_rgb([1.0; 3]), |r| r.0);
         let Some(name) = &self.image else {
-            return Some(Light::Environment(EnvironmentLight::uniform(radiance)));
+            return Some(Light::environment(radiance, None));
         };
         let to_world = euler(self.euler_deg.map_or(DVec3::ZERO, DVec3::from_array));
         if name.value.0 == STUDIO {
@@ -173,11 +164,7 @@ impl Build for EnvironmentKeys {
         if image.is_none() {
             cx.bad_file(name, "the image is black");
         }
-        Some(Light::Environment(EnvironmentLight {
-            radiance,
-            image: image.map(Arc::new),
-            motion: None,
-        }))
+        Some(Light::environment(radiance, image.map(Arc::new)))
     }
 }
 
@@ -215,7 +202,7 @@ impl Build for LightKeys {
             self.beam.map(|g| g.0),
             self.environment.map(|g| g.0),
         ])??;
-        let is_uniform = matches!(&light, Light::Environment(e) if e.image.is_none());
+        let is_uniform = light.as_environment().is_some_and(|e| e.image.is_none());
         if is_uniform && table.get("motion").is_some() {
             let message =
                 "an environment without an image is the same from everywhere: it cannot move";

@@ -9,9 +9,7 @@ use super::motion::Motion;
 use super::reader::Reader;
 use super::transform::Matrix;
 use super::value::{At, Direction, Length, Name, Point, items};
-use crate::camera::detector::Detector;
-use crate::camera::orthographic::Orthographic;
-use crate::camera::perspective::{Perspective, ThinLens};
+use crate::camera::perspective::ThinLens;
 use crate::camera::{Camera, Resolution};
 use crate::geometry::{Link, Shutter, Transform};
 use crate::io::model::MAX_PIXELS;
@@ -148,9 +146,7 @@ impl Build for PerspectiveKeys {
                 focus_distance_m: distance.0,
             });
         let (transform, fov_rad) = (Transform::fixed(to_world?), self.fov_deg.to_radians());
-        let camera = move |resolution| {
-            Camera::Perspective(Perspective::new(transform, resolution, fov_rad, lens))
-        };
+        let camera = move |resolution| Camera::perspective(transform, resolution, fov_rad, lens);
         Some((Box::new(camera), None))
     }
 }
@@ -187,7 +183,7 @@ impl Build for OrthographicKeys {
         let camera = move |resolution: Resolution| {
             let (width, height) = (f64::from(resolution.width), f64::from(resolution.height));
             let width_m = height_m * width / height;
-            Camera::Orthographic(Orthographic::new(transform, resolution, width_m))
+            Camera::orthographic(transform, resolution, width_m)
         };
         Some((Box::new(camera), None))
     }
@@ -302,11 +298,8 @@ impl Build for DetectorKeys {
         let axes = DMat3::from_cols(u.normalize(), v.normalize(), u.cross(v).normalize());
         let pose = DAffine3::from_mat3_translation(axes, center);
         let (width_m, height_m) = (2.0 * u.length(), 2.0 * v.length());
-        let camera = move |resolution| {
-            let mut detector = Detector::new(pose, width_m, height_m, resolution);
-            detector.transparent = transparent;
-            Camera::Detector(detector)
-        };
+        let camera =
+            move |resolution| Camera::detector(pose, width_m, height_m, resolution, transparent);
         Some((Box::new(camera), size))
     }
 }
@@ -433,7 +426,7 @@ impl Value for Sensors {
             if !names.insert(name.clone()) {
                 cx.conflict(&at, format!("sensor \"{name}\" is defined twice"));
             }
-            let is_detector = matches!(sensor.camera, Camera::Detector(_));
+            let is_detector = sensor.camera.is_hittable();
             let shutter = sensor.shutter;
             cx.shutter = Some(cx.shutter.map_or(shutter, |all| all.union(shutter)));
             let sensor_description = SensorDescription {

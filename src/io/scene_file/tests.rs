@@ -1,7 +1,7 @@
 //! What scene files become, and how much is told of what is wrong with them.
 
 use super::*;
-use crate::camera::Camera;
+use crate::camera::CameraKind;
 use crate::scene::Scene;
 use crate::scene::description::WavelengthChoice;
 use glam::DVec3;
@@ -24,7 +24,7 @@ fn near(a: DVec3, b: [f64; 3]) {
 #[test]
 fn cameras_look_along_minus_z() {
     let scene = description("");
-    let Camera::Perspective(camera) = &scene.sensors[0].camera else {
+    let CameraKind::Perspective(camera) = &scene.sensors[0].camera.kind else {
         panic!("another kind")
     };
     let to_world = scene.sensors[0].camera.transform().at(0.0).to_world;

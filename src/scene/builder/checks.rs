@@ -2,7 +2,7 @@
 
 use super::{SceneBuilderError, SceneDescription};
 use crate::geometry::Transform;
-use crate::light::Light;
+use crate::light::{Light, LightKind};
 use crate::material::{LobeSpec, Material, MaterialId};
 use crate::medium::{Boundary, MediumId};
 use crate::scene::description::{ObjectDescription, SensorDescription, WavelengthChoice};
@@ -217,26 +217,29 @@ fn object(object: &ObjectDescription, scene: &SceneDescription) -> Checked {
 }
 
 fn light(light: &Light) -> Checked {
-    emission(light.emission())?;
-    match light {
-        Light::Area(_) => return Err("a surface that emits is an object with emission".to_owned()),
-        Light::Beam(beam) => {
+    emission(&light.emission)?;
+    match &light.kind {
+        LightKind::Area(_) => {
+            return Err("a surface that emits is an object with emission".to_owned());
+        }
+        LightKind::Beam(beam) => {
             let radius = beam.radius_m;
             require(
                 is_positive(radius),
                 format!("radius {radius} m (allowed: above 0)"),
             )?;
         }
-        Light::Spot(spot) => {
+        LightKind::Spot(spot) => {
             let (inner, outer) = (spot.falloff_start_rad, spot.cone_rad);
             require(
                 outer > 0.0 && outer <= std::f64::consts::PI && (0.0..=outer).contains(&inner),
                 format!("a cone from {inner} to {outer} rad (allowed: 0 <= inner <= outer <= π)"),
             )?;
         }
-        Light::Point(_) | Light::Directional(_) | Light::Environment(_) => {}
+        LightKind::Point(_) | LightKind::Directional(_) | LightKind::Environment(_) => {}
     }
-    light.transform().map_or(Ok(()), |t| placement(t, 0.0))
+    let transform = light.transform.as_ref();
+    transform.map_or(Ok(()), |t| placement(t, 0.0))
 }
 
 fn sensor(sensor: &SensorDescription) -> Checked {
@@ -256,7 +259,7 @@ fn sensor(sensor: &SensorDescription) -> Checked {
     )?;
     placement(sensor.camera.transform(), open)?;
     let middle = 0.5 * size.size();
-    let width = sensor.camera.pixel_width(middle, open).at(1.0);
+    let width = sensor.camera.pixel_width(middle, open.into()).at(1.0);
     require(
         is_positive(width),
         "its film or field of view has no extent (allowed: a width above 0, an angle between 0 and π)",

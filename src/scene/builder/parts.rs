@@ -3,9 +3,7 @@
 use super::{Boundary, Camera, DAffine3, Emission, MaterialId, MediumId, SceneBuilder};
 use super::{ObjectDescription, SensorDescription, Shape, Transform};
 use crate::camera::Resolution;
-use crate::camera::detector::Detector;
-use crate::camera::orthographic::Orthographic;
-use crate::camera::perspective::{Perspective, ThinLens};
+use crate::camera::perspective::ThinLens;
 use crate::geometry::Mesh;
 use crate::scene::description::AreaEmission;
 use glam::{DMat3, DQuat, DVec3};
@@ -124,8 +122,8 @@ impl SceneBuilder {
         lens: Option<ThinLens>,
     ) -> &mut SensorDescription {
         let view = Transform::fixed(view);
-        let camera = Perspective::new(view, pixels(resolution), fov_y_rad, lens);
-        self.sensor(name, Camera::Perspective(camera))
+        let camera = Camera::perspective(view, pixels(resolution), fov_y_rad, lens);
+        self.sensor(name, camera)
     }
 
     /// Adds a camera of parallel projection, with a film `width_m` wide.
@@ -137,8 +135,10 @@ impl SceneBuilder {
         width_m: f64,
     ) -> &mut SensorDescription {
         let view = Transform::fixed(view);
-        let camera = Orthographic::new(view, pixels(resolution), width_m);
-        self.sensor(name, Camera::Orthographic(camera))
+        self.sensor(
+            name,
+            Camera::orthographic(view, pixels(resolution), width_m),
+        )
     }
 
     /// Adds a rectangular detector, which absorbs: `u` and `v` lead from its center to the middle of the right and of the upper
@@ -155,8 +155,8 @@ impl SceneBuilder {
         let axes = DMat3::from_cols(u.normalize(), v.normalize(), u.cross(v).normalize());
         let pose = DAffine3::from_mat3_translation(axes, center.into());
         let (width_m, height_m) = (2.0 * u.length(), 2.0 * v.length());
-        let detector = Detector::new(pose, width_m, height_m, pixels(resolution));
-        self.sensor(name, Camera::Detector(detector))
+        let camera = Camera::detector(pose, width_m, height_m, pixels(resolution), false);
+        self.sensor(name, camera)
     }
 }
 

@@ -5,8 +5,6 @@
 use super::*;
 use crate::geometry::{Hit, Ray};
 use crate::light::area::AreaLight;
-use crate::light::beam::BeamLight;
-use crate::light::point::PointLight;
 use crate::material::LobeSpec;
 use glam::DVec3;
 
@@ -34,8 +32,8 @@ fn surfaces_lie_where_their_numbers_say() {
     builder.disk("disk", [0.0, 0.0, -4.0], [0.0, 0.0, 2.0], 0.25);
     let scene = builder.build().unwrap();
     let hit = |from: [f64; 3], toward: [f64; 3]| -> Option<(String, f64)> {
-        let ray = Ray::leaving(from.into(), toward.into(), 0.0, None);
-        let Hit { t, id, .. } = scene.accel.closest(&ray, |_| true)?;
+        let ray = Ray::leaving(from.into(), toward.into(), None);
+        let Hit { t, id, .. } = scene.accel.at(0.0).closest(&ray, |_| true)?;
         Some((scene.objects[id.instance.0 as usize].name.clone(), t))
     };
     let found = |name: &str, t: f64, from, toward| {
@@ -63,7 +61,7 @@ fn surfaces_lie_where_their_numbers_say() {
 fn the_camera_looks_at_its_target() {
     let scene = lit().build().unwrap();
     let camera = &scene.sensors[0].camera;
-    let along = |x, y| camera.sample_ray(glam::DVec2::new(x, y), glam::DVec2::ZERO, 0.0);
+    let along = |x, y| camera.sample_ray(glam::DVec2::new(x, y), glam::DVec2::ZERO, 0.0.into());
     let middle = along(4.0, 2.0);
     assert!((middle.direction - DVec3::NEG_Z).length() < 1e-12);
     assert!((middle.xk.p - DVec3::new(0.0, 0.0, 5.0)).length() < 1e-12);
@@ -176,27 +174,25 @@ fn what_is_not_possible_is_named() {
             |s| {
                 let light = AreaLight {
                     instance: crate::geometry::InstanceId(0),
-                    radiance: Emission::from_rgb([1.0; 3]),
                     pattern: None,
                     sampler: crate::geometry::AreaSampler::default(),
                     two_sided: false,
                 };
-                s.light("panel", Light::Area(light));
+                s.light("panel", Light::area(Emission::from_rgb([1.0; 3]), light));
             },
             "light \"panel\": a surface that emits is an object with emission",
         ),
         (
             |s| {
                 let white = Emission::from_rgb([1.0; 3]);
-                let beam = BeamLight::aimed(DVec3::ZERO, DVec3::Z, white, 0.0);
-                s.light("laser", Light::Beam(beam));
+                s.light("laser", Light::beam(DVec3::ZERO, DVec3::Z, white, 0.0));
             },
             "light \"laser\": radius 0 m (allowed: above 0)",
         ),
         (
             |s| {
                 let white = Emission::from_rgb([1.0; 3]);
-                s.light("star", Light::Point(PointLight::at(DVec3::NAN, white)));
+                s.light("star", Light::point(DVec3::NAN, white));
             },
             "light \"star\": its place is not finite or has no extent (is a size 0, or are two directions parallel?)",
         ),

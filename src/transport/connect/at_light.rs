@@ -83,8 +83,8 @@ impl Joiner<'_> {
         }
         for &id in &self.context.scene.environments {
             let radiance = self.light(id).escaped_radiance(
+                &self.context.scene.geometry,
                 escape.direction,
-                self.context.time,
                 &self.context.wavelengths,
             );
             if radiance.is_black(self.context.count()) {
@@ -162,7 +162,7 @@ impl Joiner<'_> {
         let u = self.sampler.set(draw);
         let (id, probability, u0) = self.context.scene.selection.sample(u[0])?;
         let sample = self.light(id).sample_direct(
-            &self.context.light_context(),
+            &self.context.scene.geometry,
             &self.context.wavelengths,
             p,
             u0,
@@ -237,7 +237,7 @@ impl Joiner<'_> {
         }
         self.counters.connections_tried += 1;
         let sensor = &self.context.scene.sensors[self.context.sensor];
-        let (_, direction) = sensor.camera.density(&x_sensor, w, self.context.time);
+        let (_, direction) = sensor.camera.density(w, self.context.moment());
         let across = EdgeDensity::uniform(direction.area_density(1.0, 1.0));
         let start = EndStart::new(camera.densities[0].own, Departure::Scattered(across));
         let receiver = Receiver::Area { cos };
@@ -251,6 +251,6 @@ impl Joiner<'_> {
     }
 
     fn light_medium(&self, id: LightId) -> MediumId {
-        self.context.scene.light_stacks[id.0 as usize].medium()
+        self.context.scene.light_stack(id).medium()
     }
 }

@@ -25,14 +25,14 @@ impl Joiner<'_> {
             let [u, v, _, _] = self.sampler.set(draw);
             DVec2::new(u, v)
         };
-        camera.sample_connection(p, u_lens, self.context.time, margin)
+        camera.sample_connection(p, u_lens, self.context.moment(), margin)
     }
 
     /// t = 1: joins the end `light` to the drawn point of the sensor.
     fn join_sensor(&mut self, light: &End, drawn: &SensorConnection) {
         let (x_sensor, toward) = (drawn.xk, drawn.toward);
         let sensor = &self.context.scene.sensors[self.context.sensor];
-        let (_, direction) = sensor.camera.density(&x_sensor, -toward, self.context.time);
+        let (_, direction) = sensor.camera.density(-toward, self.context.moment());
         let start = EndStart::new(drawn.pdf_xk, Departure::Start(direction));
         let receiver = Receiver::of_sensor(self.strategies.hittable_sensor, &x_sensor, toward);
         let camera = End {
@@ -86,8 +86,8 @@ impl Joiner<'_> {
         };
         let (context, toward) = (self.context, drawn.toward);
         let uv = if self.light(id).has_pattern() {
-            let accel = &context.scene.accel;
-            accel.texture_coordinates(surface, x0.p, context.time)
+            let geometry = &context.scene.geometry;
+            geometry.texture_coordinates(surface, x0.p)
         } else {
             DVec2::ZERO
         };
@@ -129,10 +129,9 @@ impl Joiner<'_> {
         }
         self.counters.connections_tried += 1;
         let sensor = &self.context.scene.sensors[self.context.sensor];
-        let (pdf_xk, direction_density) =
-            sensor
-                .camera
-                .density(&hit.x_sensor, hit.toward_previous, self.context.time);
+        let (pdf_xk, direction_density) = sensor
+            .camera
+            .density(hit.toward_previous, self.context.moment());
         // x_{k-1}: the last light vertex, or x₀
         let (before, direct) = match hit.depth.checked_sub(1) {
             Some(i) => {

@@ -279,8 +279,8 @@ impl Joiner<'_> {
         } else {
             (light, camera, w)
         };
-        let ray = Ray::leaving(from.point.p, w, self.context.time, from.point.surface)
-            .ending(distance, to.point.surface);
+        let ray =
+            Ray::leaving(from.point.p, w, from.point.surface).ending(distance, to.point.surface);
         let medium = from.region.medium;
         let (value, probability) = match light.emission {
             Some(emission) => emission,

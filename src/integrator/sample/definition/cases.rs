@@ -1,14 +1,10 @@
 //! Scenes with every kind of vertex, light and sensor, for the check of densities.
 
 use super::check;
-use crate::camera::Camera;
+use crate::camera::CameraKind;
 use crate::camera::perspective::ThinLens;
 use crate::geometry::Mesh;
 use crate::light::Light;
-use crate::light::beam::BeamLight;
-use crate::light::directional::DirectionalLight;
-use crate::light::environment::EnvironmentLight;
-use crate::light::point::PointLight;
 use crate::light::spot::SpotLight;
 use crate::material::{LobeSpec, Material, MaterialId};
 use crate::medium::MediumId;
@@ -189,7 +185,7 @@ fn white(value: f64) -> Emission {
 }
 
 fn sky() -> Light {
-    Light::Environment(EnvironmentLight::uniform(white(0.3)))
+    Light::environment(white(0.3), None)
 }
 
 #[test]
@@ -231,19 +227,16 @@ fn densities_by_definition_of_every_kind_of_light() {
     let position = DVec3::new(0.5, 2.0, 1.0);
     let aim = DVec3::new(-0.5, -1.0, -0.6);
     let [outer, inner] = [40_f64, 20.0].map(f64::to_radians);
-    let spot = SpotLight::aimed(position, aim, white(9.0), outer, inner);
+    let cone = SpotLight {
+        cone_rad: outer,
+        falloff_start_rad: inner,
+    };
     let along = DVec3::new(-0.5, -0.8, -0.6);
     let lights = [
-        ("point", Light::Point(PointLight::at(position, white(1.0)))),
-        ("spot", Light::Spot(spot)),
-        (
-            "directional",
-            Light::Directional(DirectionalLight::along(aim, white(1.0))),
-        ),
-        (
-            "beam",
-            Light::Beam(BeamLight::aimed(position, along, white(9.0), 0.4)),
-        ),
+        ("point", Light::point(position, white(1.0))),
+        ("spot", Light::spot(position, aim, white(9.0), cone)),
+        ("directional", Light::directional(aim, white(1.0))),
+        ("beam", Light::beam(position, along, white(9.0), 0.4)),
         ("environment", sky()),
     ];
     for (name, light) in lights {
@@ -268,7 +261,7 @@ fn densities_by_definition_at_detectors() {
         let center = [0.2, 0.05, 0.3];
         let (u, v) = ([0.8, 0.0, 0.0], [0.0, 0.0, -0.8]);
         let sensor = parts.scene.detector("main", [8; 2], center, u, v);
-        if let Camera::Detector(detector) = &mut sensor.camera {
+        if let CameraKind::Detector(detector) = &mut sensor.camera.kind {
             detector.transparent = transparent;
         }
         let seen = check(name, parts.built(), 60, 1.0);

@@ -1,0 +1,75 @@
+//! The scene at one moment: all that a path asks of it.
+
+use super::Scene;
+use crate::geometry::{AccelAt, Hit, InstanceId, Moment, Placements, Ray, SurfacePoint};
+use std::ops::Deref;
+
+/// The scene at one moment. What does not depend on the moment is reached through it.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneAt<'a> {
+    scene: &'a Scene,
+    /// Geometry at the moment: all that lights need to know.
+    pub geometry: AccelAt<'a>,
+}
+
+impl Scene {
+    /// The scene at `time` (seconds), which remembers placements of moving things in `placements`.
+    #[must_use]
+    pub fn at<'a>(&'a self, time: f64, placements: &'a mut Placements) -> SceneAt<'a> {
+        SceneAt {
+            scene: self,
+            geometry: self.accel.at(placements.at(time, self.motions)),
+        }
+    }
+}
+
+impl Deref for SceneAt<'_> {
+    type Target = Scene;
+
+    fn deref(&self) -> &Scene {
+        self.scene
+    }
+}
+
+impl<'a> SceneAt<'a> {
+    /// The moment.
+    #[must_use]
+    pub fn moment(&self) -> Moment<'a> {
+        self.geometry.moment()
+    }
+
+    /// The closest hit among the instances for which `visible` says true.
+    #[must_use]
+    #[inline]
+    pub fn closest(&self, ray: &Ray, visible: impl Fn(InstanceId) -> bool) -> Option<Hit> {
+        self.geometry.closest(ray, visible)
+    }
+
+    /// Transmittance of the objects with a coverage along a segment.
+    #[must_use]
+    pub fn uncovered(&self, ray: &Ray) -> f64 {
+        let (mut ray, mut open) = (*ray, 1.0);
+        while open > 0.0
+            && let Some(hit) = self.closest(&ray, |id| self.object(id).has_alpha)
+        {
+            let point = self.geometry.surface(&ray, &hit);
+            open *= 1.0 - self.coverage(&point);
+            ray = Ray {
+                o: point.p,
+                t_max: ray.t_max - hit.t,
+                start: Some(point.id),
+                ..ray
+            };
+        }
+        open
+    }
+
+    /// The point with the shading normal of its material: the one place where normals are bent, for all strategies.
+    #[must_use]
+    pub fn shading_point(&self, mut point: SurfacePoint) -> SurfacePoint {
+        if let Some(map) = &self.material_of(point.id.instance).normal {
+            point.ns = map.normal(&point, self.geometry.tangents(&point));
+        }
+        point
+    }
+}
