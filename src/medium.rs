@@ -9,7 +9,7 @@ use arrayvec::ArrayVec;
 pub struct MediumId(pub u32);
 
 impl MediumId {
-    /// What everything is in unless a solid says otherwise (air, n = 1, unless the scene names another).
+    /// The medium of everything unless a solid says otherwise (air, n = 1, unless the scene names another).
     pub const AMBIENT: Self = Self(0);
 }
 
@@ -73,7 +73,8 @@ impl Medium {
 }
 
 impl MediumLanes {
-    /// Beer-Lambert transmittance over `distance` (m); 1 over an infinite one, for light from infinity is given as it arrives.
+    /// Beer-Lambert transmittance over `distance` (m); 1 over an infinite one, for light from infinity is given as it
+    /// arrives.
     #[must_use]
     pub fn transmittance(&self, distance: f64) -> SampledSpectrum {
         match &self.absorption {
@@ -147,8 +148,8 @@ impl MediumStack {
         self.solids.last().map(|s| s.0)
     }
 
-    /// The stack behind `boundary` of `solid`, crossed with (`entering`) or against... the geometric normal's back side:
-    /// `entering` = travelling against the normal. `None` where the stack overflows.
+    /// The stack after crossing `boundary` of `solid`. `entering`: travelling against the geometric normal. `None` if more
+    /// than six solids nest.
     #[must_use]
     pub fn crossed(&self, boundary: Boundary, solid: InstanceId, entering: bool) -> Option<Self> {
         let mut next = self.clone();

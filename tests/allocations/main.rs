@@ -132,7 +132,7 @@ fn merging_takes_no_memory() {
     let traced = after_warm_up(|| {
         buffer.clear();
         spread(&frame, |pixel| {
-            tracer.trace(&frame, &pass, pixel, &mut buffer)
+            tracer.trace(&frame, &pass, pixel, &mut buffer);
         });
     });
     assert_eq!(traced, 0);
