@@ -48,8 +48,7 @@ pub fn decide(scene: &Scene, sensor: usize, settings: &Settings) -> Decision {
     if regularization.mode == Regularize::Off {
         return off("switched off");
     }
-    let specular =
-        |o: &&Object| scene.materials[o.material.0 as usize].has_specular() && o.sensor.is_none();
+    let specular = |o: &&Object| scene.material(o.material).has_specular() && o.sensor.is_none();
     let Some(object) = scene.objects.iter().find(specular) else {
         return off("no surface is a mirror or smooth glass");
     };
