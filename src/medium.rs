@@ -9,7 +9,7 @@ use arrayvec::ArrayVec;
 pub struct MediumId(pub u32);
 
 impl MediumId {
-    /// What everything is in unless a solid says otherwise (air, n = 1, unless the scene names another).
+    /// The medium of everything unless a solid says otherwise (air, n = 1, unless the scene names another).
     pub const AMBIENT: Self = Self(0);
 }
 
@@ -73,7 +73,8 @@ impl Medium {
 }
 
 impl MediumLanes {
-    /// Beer-Lambert transmittance over `distance` (m); 1 over an infinite one, for light from infinity is given as it arrives.
+    /// Beer-Lambert transmittance over `distance` (m); 1 over an infinite one, for light from infinity is given as it
+    /// arrives.
     #[must_use]
     pub fn transmittance(&self, distance: f64) -> SampledSpectrum {
         match &self.absorption {

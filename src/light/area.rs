@@ -27,15 +27,15 @@ pub struct AreaLight {
 }
 
 impl AreaLight {
-    fn geometry<'a>(&self, context: &AccelAt<'a>) -> &'a Instance {
-        context.accel().instance(self.instance)
+    fn surface<'a>(&self, geometry: &AccelAt<'a>) -> &'a Instance {
+        geometry.accel().instance(self.instance)
     }
 
     /// A point of the surface.
-    pub(crate) fn sample(&self, context: &AccelAt, u_face: f64, u: DVec2) -> AreaSample {
-        let instance = self.geometry(context);
+    pub(crate) fn sample(&self, geometry: &AccelAt, u_face: f64, u: DVec2) -> AreaSample {
+        let instance = self.surface(geometry);
         self.sampler
-            .sample(instance, self.instance, context.moment(), u_face, u)
+            .sample(instance, self.instance, geometry.moment(), u_face, u)
     }
 
     fn sides(&self) -> f64 {
@@ -43,9 +43,9 @@ impl AreaLight {
     }
 
     /// Flux per unit radiance.
-    pub(super) fn flux_factor(&self, context: &AccelAt) -> f64 {
+    pub(super) fn flux_factor(&self, geometry: &AccelAt) -> f64 {
         let mean = self.pattern.as_ref().map_or(1.0, SpectrumTexture::mean);
-        PI * self.geometry(context).area(context.moment()) * self.sides() * mean
+        PI * self.surface(geometry).area(geometry.moment()) * self.sides() * mean
     }
 
     /// Cosine towards `direction` (away from the light) where that side emits, else 0.
@@ -60,12 +60,12 @@ impl AreaLight {
 
     pub(super) fn sample_emission(
         &self,
-        context: &AccelAt,
+        geometry: &AccelAt,
         u_face: f64,
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        let sample = self.sample(context, u_face, u_pos);
+        let sample = self.sample(geometry, u_face, u_pos);
         let (side, u_dir) = self.choose_side(u_dir);
         let local = sampling::cosine_hemisphere(u_dir.into());
         let direction = Frame::from_z(sample.point.ng * side)
@@ -100,18 +100,18 @@ impl AreaLight {
 
     pub(super) fn emission_density(
         &self,
-        context: &AccelAt,
+        geometry: &AccelAt,
         x0: &EndPoint,
         direction: DVec3,
     ) -> (f64, DirectionalDensity) {
         let pdf = self.direction_density(x0.n, direction);
         (
-            self.area_density(context, x0),
+            self.area_density(geometry, x0),
             DirectionalDensity::SolidAngle(pdf),
         )
     }
 
-    fn area_density(&self, context: &AccelAt, x0: &EndPoint) -> f64 {
+    fn area_density(&self, geometry: &AccelAt, x0: &EndPoint) -> f64 {
         let Some(id) = x0.surface.filter(|s| s.instance == self.instance) else {
             return 0.0;
         };
@@ -123,17 +123,17 @@ impl AreaLight {
             id,
         };
         self.sampler
-            .pdf(self.geometry(context), &point, context.moment())
+            .pdf(self.surface(geometry), &point, geometry.moment())
     }
 
     pub(super) fn sample_direct(
         &self,
-        context: &AccelAt,
+        geometry: &AccelAt,
         x1: DVec3,
         u_face: f64,
         u: DVec2,
     ) -> Option<DirectSample> {
-        let sample = self.sample(context, u_face, u);
+        let sample = self.sample(geometry, u_face, u);
         let (toward, distance) = unit_from_to(x1, sample.point.p)?;
         let cos = self.emitting_cos(sample.point.ng, -toward);
         (sample.pdf_a > 0.0 && cos > 0.0).then(|| DirectSample {
@@ -145,9 +145,9 @@ impl AreaLight {
         })
     }
 
-    pub(super) fn direct_density(&self, context: &AccelAt, x1: DVec3, x0: &EndPoint) -> f64 {
+    pub(super) fn direct_density(&self, geometry: &AccelAt, x1: DVec3, x0: &EndPoint) -> f64 {
         if self.emitting_cos(x0.n, x1 - x0.p) > 0.0 {
-            self.area_density(context, x0)
+            self.area_density(geometry, x0)
         } else {
             0.0
         }

@@ -18,21 +18,21 @@ impl DirectionalLight {
     }
 
     /// Flux through the scene's bounding sphere per unit irradiance.
-    pub(super) fn flux_factor(context: &AccelAt) -> f64 {
-        let radius = context.accel().radius();
+    pub(super) fn flux_factor(geometry: &AccelAt) -> f64 {
+        let radius = geometry.accel().radius();
         PI * radius * radius
     }
 
     pub(super) fn sample_emission(
-        context: &AccelAt,
+        geometry: &AccelAt,
         place: &Placement,
         u_pos: DVec2,
     ) -> Option<EmissionSample> {
         let x0 = Self::end(place);
-        let area = Self::flux_factor(context);
+        let area = Self::flux_factor(geometry);
         (area > 0.0).then(|| EmissionSample {
             x0,
-            origin: far_disk_origin(context, x0.n, u_pos),
+            origin: far_disk_origin(geometry, x0.n, u_pos),
             direction: x0.n,
             pdf_x0: 1.0,
             pdf_direction: DirectionalDensity::Perpendicular(1.0 / area),

@@ -68,35 +68,35 @@ impl EnvironmentLight {
     }
 
     /// Density per area normal to the direction.
-    pub(super) fn disk_density(context: &AccelAt) -> DirectionalDensity {
+    pub(super) fn disk_density(geometry: &AccelAt) -> DirectionalDensity {
         DirectionalDensity::Perpendicular(
-            1.0 / (PI * context.accel().radius() * context.accel().radius()),
+            1.0 / (PI * geometry.accel().radius() * geometry.accel().radius()),
         )
     }
 
     /// Flux into the scene's bounding sphere per unit radiance.
-    pub(super) fn flux_factor(&self, context: &AccelAt) -> f64 {
+    pub(super) fn flux_factor(&self, geometry: &AccelAt) -> f64 {
         let mean = self.image.as_ref().map_or(1.0, |image| image.mean());
-        PI * context.accel().radius() * context.accel().radius() / sampling::UNIFORM_SPHERE_PDF
+        PI * geometry.accel().radius() * geometry.accel().radius() / sampling::UNIFORM_SPHERE_PDF
             * mean
     }
 
     pub(super) fn sample_emission(
         &self,
-        context: &AccelAt,
+        geometry: &AccelAt,
         turn: Turn,
         u_texel: f64,
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
         let (direction, pdf) = self.sample_direction(turn, u_texel, u_dir);
-        (context.accel().radius() > 0.0 && pdf > 0.0).then(|| EmissionSample {
+        (geometry.accel().radius() > 0.0 && pdf > 0.0).then(|| EmissionSample {
             x0: EndPoint::toward_infinity(direction),
-            origin: far_disk_origin(context, direction, u_pos),
+            origin: far_disk_origin(geometry, direction, u_pos),
             direction,
             pdf_x0: pdf,
-            pdf_direction: Self::disk_density(context),
-            weight: factor(PI * context.accel().radius() * context.accel().radius() / pdf),
+            pdf_direction: Self::disk_density(geometry),
+            weight: factor(PI * geometry.accel().radius() * geometry.accel().radius() / pdf),
         })
     }
 

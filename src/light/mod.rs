@@ -210,13 +210,13 @@ impl Light {
     /// The same light inside a hierarchy of moving `parents` (the outermost first; without scale) over `shutter`.
     #[must_use]
     pub fn under(mut self, parents: &[Link], shutter: Shutter) -> Self {
-        let turns_alike = match &self.kind {
+        let is_fixed = match &self.kind {
             LightKind::Area(_) => true,
             // without an image it is the same however it turns
             LightKind::Environment(light) => light.image.is_none(),
             _ => false,
         };
-        if !turns_alike {
+        if !is_fixed {
             let rest = || Transform::fixed(DAffine3::IDENTITY);
             let transform = self.transform.take().unwrap_or_else(rest);
             self.transform = Some(transform.under(parents, shutter));
@@ -230,16 +230,17 @@ impl Light {
         self.transform.as_ref().is_some_and(Transform::is_moving)
     }
 
-    fn turn<'a>(&'a self, context: &AccelAt<'a>) -> Option<Cow<'a, Placement>> {
+    /// Placement at the moment of `geometry`, where the light has one.
+    fn turn<'a>(&'a self, geometry: &AccelAt<'a>) -> Option<Cow<'a, Placement>> {
         let transform = self.transform.as_ref()?;
-        Some(transform.at(context.moment()))
+        Some(transform.at(geometry.moment()))
     }
 
-    /// Placement at the moment of `context`; a light without one rests in the world.
+    /// Placement at the moment of `geometry`; a light without one rests in the world.
     #[must_use]
-    pub fn placement<'a>(&'a self, context: &AccelAt<'a>) -> Cow<'a, Placement> {
+    pub fn placement<'a>(&'a self, geometry: &AccelAt<'a>) -> Cow<'a, Placement> {
         let rest = || Cow::Borrowed(&Placement::IDENTITY);
-        self.turn(context).unwrap_or_else(rest)
+        self.turn(geometry).unwrap_or_else(rest)
     }
 
     /// Whether it is infinitely far away.
@@ -253,32 +254,32 @@ impl Light {
 
     /// Emitted power weighted by visibility (any common unit): for choosing lights.
     #[must_use]
-    pub fn power(&self, context: &AccelAt) -> f64 {
-        self.emission.visible_power() * self.flux_factor(context)
+    pub fn power(&self, geometry: &AccelAt) -> f64 {
+        self.emission.visible_power() * self.flux_factor(geometry)
     }
 
     /// Flux per unit emission that can reach the scene.
-    fn flux_factor(&self, context: &AccelAt) -> f64 {
+    fn flux_factor(&self, geometry: &AccelAt) -> f64 {
         match &self.kind {
-            LightKind::Area(light) => light.flux_factor(context),
+            LightKind::Area(light) => light.flux_factor(geometry),
             LightKind::Point(_) => PointLight::FLUX_FACTOR,
             LightKind::Spot(light) => light.flux_factor(),
-            LightKind::Directional(_) => DirectionalLight::flux_factor(context),
+            LightKind::Directional(_) => DirectionalLight::flux_factor(geometry),
             LightKind::Beam(light) => light.area(),
-            LightKind::Environment(light) => light.flux_factor(context),
+            LightKind::Environment(light) => light.flux_factor(geometry),
         }
     }
 
     /// Roughly the angular radius in radians under which the light is seen from `p`; 0 for lights without extent and for the
     /// environment.
     #[must_use]
-    pub fn angular_radius(&self, context: &AccelAt, p: DVec3) -> f64 {
+    pub fn angular_radius(&self, geometry: &AccelAt, p: DVec3) -> f64 {
         let Some(light) = self.as_area() else {
             return 0.0;
         };
-        let instance = context.accel().instance(light.instance);
-        let center = light.sample(context, 0.5, DVec2::splat(0.5)).point.p;
-        let radius = (instance.area(context.moment()) / std::f64::consts::PI).sqrt();
+        let instance = geometry.accel().instance(light.instance);
+        let center = light.sample(geometry, 0.5, DVec2::splat(0.5)).point.p;
+        let radius = (instance.area(geometry.moment()) / std::f64::consts::PI).sqrt();
         radius.atan2(center.distance(p))
     }
 
@@ -287,15 +288,15 @@ impl Light {
     #[must_use]
     pub fn sample_emission(
         &self,
-        context: &AccelAt,
+        geometry: &AccelAt,
         wavelengths: &SampledWavelengths,
         u_face: f64,
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        let mut sample = self.start(context, u_face, u_pos, u_dir)?;
+        let mut sample = self.start(geometry, u_face, u_pos, u_dir)?;
         sample.weight *= self.emission.sample(wavelengths);
-        if let Some(pattern) = self.pattern_at(context, &sample.x0, wavelengths) {
+        if let Some(pattern) = self.pattern_at(geometry, &sample.x0, wavelengths) {
             sample.weight *= pattern;
         }
         Some(sample)
@@ -304,18 +305,18 @@ impl Light {
     /// The factor on the emission at x₀, where it varies over the light.
     fn pattern_at(
         &self,
-        context: &AccelAt,
+        geometry: &AccelAt,
         x0: &EndPoint,
         wavelengths: &SampledWavelengths,
     ) -> Option<SampledSpectrum> {
         match &self.kind {
             LightKind::Area(light) => {
                 let (pattern, face) = (light.pattern.as_ref()?, x0.surface?);
-                let uv = context.texture_coordinates(face, x0.p);
+                let uv = geometry.texture_coordinates(face, x0.p);
                 Some(pattern.sample(uv, wavelengths))
             }
             LightKind::Environment(light) => {
-                light.factor(self.turn(context).as_deref(), x0.n, wavelengths)
+                light.factor(self.turn(geometry).as_deref(), x0.n, wavelengths)
             }
             _ => None,
         }
@@ -345,21 +346,21 @@ impl Light {
     /// `sample_emission` for unit emission.
     fn start(
         &self,
-        context: &AccelAt,
+        geometry: &AccelAt,
         u_face: f64,
         u_pos: DVec2,
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
-        let place = self.placement(context);
+        let place = self.placement(geometry);
         match &self.kind {
-            LightKind::Area(light) => light.sample_emission(context, u_face, u_pos, u_dir),
+            LightKind::Area(light) => light.sample_emission(geometry, u_face, u_pos, u_dir),
             LightKind::Point(_) => Some(PointLight::sample_emission(&place, u_dir)),
             LightKind::Spot(light) => light.sample_emission(&place, u_dir),
-            LightKind::Directional(_) => DirectionalLight::sample_emission(context, &place, u_pos),
+            LightKind::Directional(_) => DirectionalLight::sample_emission(geometry, &place, u_pos),
             LightKind::Beam(light) => Some(light.sample_emission(&place, u_pos)),
             LightKind::Environment(light) => {
-                let turn = self.turn(context);
-                light.sample_emission(context, turn.as_deref(), u_face, u_pos, u_dir)
+                let turn = self.turn(geometry);
+                light.sample_emission(geometry, turn.as_deref(), u_face, u_pos, u_dir)
             }
         }
     }
@@ -368,26 +369,26 @@ impl Light {
     #[must_use]
     pub fn emission_density(
         &self,
-        context: &AccelAt,
+        geometry: &AccelAt,
         x0: &EndPoint,
         direction: DVec3,
     ) -> (f64, DirectionalDensity) {
         use DirectionalDensity::{Perpendicular, SolidAngle};
         match &self.kind {
-            LightKind::Area(light) => light.emission_density(context, x0, direction),
+            LightKind::Area(light) => light.emission_density(geometry, x0, direction),
             LightKind::Point(_) => (1.0, SolidAngle(PointLight::DIRECTION_PDF)),
             LightKind::Spot(light) => (
                 1.0,
-                SolidAngle(light.direction_density(&self.placement(context), direction)),
+                SolidAngle(light.direction_density(&self.placement(geometry), direction)),
             ),
             LightKind::Directional(_) => (
                 1.0,
-                Perpendicular(1.0 / DirectionalLight::flux_factor(context)),
+                Perpendicular(1.0 / DirectionalLight::flux_factor(geometry)),
             ),
             LightKind::Beam(light) => (1.0, light.density()),
             LightKind::Environment(light) => (
-                light.direction_pdf(self.turn(context).as_deref(), direction),
-                EnvironmentLight::disk_density(context),
+                light.direction_pdf(self.turn(geometry).as_deref(), direction),
+                EnvironmentLight::disk_density(geometry),
             ),
         }
     }
@@ -396,46 +397,52 @@ impl Light {
     #[must_use]
     pub fn sample_direct(
         &self,
-        context: &AccelAt,
+        geometry: &AccelAt,
         wavelengths: &SampledWavelengths,
         x1: DVec3,
         u_face: f64,
         u: DVec2,
     ) -> Option<DirectSample> {
-        let mut sample = self.connect(context, x1, u_face, u)?;
+        let mut sample = self.connect(geometry, x1, u_face, u)?;
         sample.value *= self.emission.sample(wavelengths);
-        if let Some(pattern) = self.pattern_at(context, &sample.x0, wavelengths) {
+        if let Some(pattern) = self.pattern_at(geometry, &sample.x0, wavelengths) {
             sample.value *= pattern;
         }
         Some(sample)
     }
 
     /// `sample_direct` for unit emission.
-    fn connect(&self, context: &AccelAt, x1: DVec3, u_face: f64, u: DVec2) -> Option<DirectSample> {
-        let place = self.placement(context);
+    fn connect(
+        &self,
+        geometry: &AccelAt,
+        x1: DVec3,
+        u_face: f64,
+        u: DVec2,
+    ) -> Option<DirectSample> {
+        let place = self.placement(geometry);
         match &self.kind {
-            LightKind::Area(light) => light.sample_direct(context, x1, u_face, u),
+            LightKind::Area(light) => light.sample_direct(geometry, x1, u_face, u),
             LightKind::Point(_) => PointLight::sample_direct(&place, x1),
             LightKind::Spot(light) => light.sample_direct(&place, x1),
             LightKind::Directional(_) => Some(DirectionalLight::sample_direct(&place)),
             LightKind::Beam(light) => light.sample_direct(&place, x1),
             LightKind::Environment(light) => {
-                light.sample_direct(self.turn(context).as_deref(), u_face, u)
+                light.sample_direct(self.turn(geometry).as_deref(), u_face, u)
             }
         }
     }
 
     /// Density with which `sample_direct` from `x1` generates `x0`. 0 where `sample_direct` would give `None`.
     #[must_use]
-    pub fn direct_density(&self, context: &AccelAt, x1: DVec3, x0: &EndPoint) -> f64 {
+    pub fn direct_density(&self, geometry: &AccelAt, x1: DVec3, x0: &EndPoint) -> f64 {
         match &self.kind {
-            LightKind::Area(light) => light.direct_density(context, x1, x0),
+            LightKind::Area(light) => light.direct_density(geometry, x1, x0),
             LightKind::Environment(light) => {
-                light.direction_pdf(self.turn(context).as_deref(), x0.n)
+                light.direction_pdf(self.turn(geometry).as_deref(), x0.n)
             }
             // the end point is the only one there is
             _ => self
-                .connect(context, x1, 0.0, DVec2::ZERO)
+                .connect(geometry, x1, 0.0, DVec2::ZERO)
                 .map_or(0.0, |sample| sample.pdf),
         }
     }
@@ -478,14 +485,14 @@ impl Light {
     #[must_use]
     pub fn escaped_radiance(
         &self,
-        context: &AccelAt,
+        geometry: &AccelAt,
         direction: DVec3,
         wavelengths: &SampledWavelengths,
     ) -> SampledSpectrum {
         match &self.kind {
             LightKind::Environment(light) => {
                 let radiance = self.emission.sample(wavelengths);
-                match light.factor(self.turn(context).as_deref(), -direction, wavelengths) {
+                match light.factor(self.turn(geometry).as_deref(), -direction, wavelengths) {
                     None => radiance,
                     Some(factor) => radiance * factor,
                 }
@@ -525,9 +532,9 @@ fn placed_axis(place: &Placement) -> DVec3 {
 }
 
 /// A point of the disc of the bounding sphere's radius, one radius before the centre, normal to `direction`.
-fn far_disk_origin(context: &AccelAt, direction: DVec3, u: DVec2) -> DVec3 {
+fn far_disk_origin(geometry: &AccelAt, direction: DVec3, u: DVec2) -> DVec3 {
     let disk = sampling::disk(u.into()).extend(-1.0);
-    context.accel().center() + context.accel().radius() * Frame::from_z(direction).to_outer(disk)
+    geometry.accel().center() + geometry.accel().radius() * Frame::from_z(direction).to_outer(disk)
 }
 
 #[cfg(test)]

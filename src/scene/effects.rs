@@ -58,7 +58,7 @@ pub fn find_effects(scene: &Scene) -> Vec<Effect> {
     let specular = scene
         .objects
         .iter()
-        .find(|o| scene.materials[o.material.0 as usize].has_specular());
+        .find(|o| scene.material(o.material).has_specular());
     let moving = scene.moving().first().map(|&m| scene.name_of(m));
     let lines = scene
         .lights

@@ -65,8 +65,7 @@ pub fn decide(scene: &Scene, sensor: usize, settings: &Settings) -> Decision {
     if regularization.mode == Regularize::Off {
         return off(Reason::SwitchedOff);
     }
-    let specular =
-        |o: &&Object| scene.materials[o.material.0 as usize].has_specular() && o.sensor.is_none();
+    let specular = |o: &&Object| scene.material(o.material).has_specular() && o.sensor.is_none();
     let Some(object) = scene.objects.iter().find(specular) else {
         return off(Reason::NothingSpecular);
     };

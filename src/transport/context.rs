@@ -155,9 +155,8 @@ impl<'a> PathContext<'a> {
     #[must_use]
     pub fn visibility(&self, ray: &Ray, region: &Region, counters: &mut Counters) -> f64 {
         counters.shadow_rays += 1;
-        let objects = &self.scene.objects;
         let occluded = self.scene.geometry.occluded(ray, |id: InstanceId| {
-            let object = &objects[id.0 as usize];
+            let object = self.scene.object(id);
             !(object.transparent_sensor
                 || object.has_alpha
                 || object.clear && region.passes(object.boundary, id))

@@ -75,7 +75,7 @@ fn end_of(scene: &SceneAt, ray: &Ray) -> EndPoint {
 /// The light at the end of a connecting segment: the surface's, or the only one that is no surface.
 fn light_of(scene: &Scene, ray: &Ray) -> LightId {
     match ray.end {
-        Some(id) => scene.objects[id.instance.0 as usize].light.unwrap(),
+        Some(id) => scene.object(id.instance).light.unwrap(),
         None => LightId(
             scene
                 .lights
@@ -248,7 +248,7 @@ impl<'a> Finished<'a> {
     /// `pf`, `pr` and the density of direct sampling.
     fn densities(&self) -> (Vec<Column>, Vec<Column>, f64) {
         let n = self.len();
-        let light = &self.scene.lights[self.light.0 as usize];
+        let light = self.scene.light(self.light);
         let geometry = &self.scene.geometry;
         let camera = &self.scene.sensors[self.sensor].camera;
         let chosen = self.scene.selection.probability(self.light);
@@ -512,7 +512,7 @@ fn check(
     let specular = scene
         .objects
         .iter()
-        .any(|o| scene.materials[o.material.0 as usize].has_specular() && !o.transparent_sensor);
+        .any(|o| scene.material(o.material).has_specular() && !o.transparent_sensor);
     assert_eq!(specular && passes > 1, regularized > 0, "{name}");
     strategies
 }

@@ -118,7 +118,8 @@ fn row(key: &Key) -> String {
 pub fn markdown() -> String {
     let mut text = String::new();
     for kind in kinds() {
-        _ = write!(text, "{}\n", section(&kind));
+        text += &section(&kind);
+        text.push('\n');
     }
     text
 }

@@ -106,7 +106,7 @@ impl<const SRGB: bool> Value for Texture<SRGB> {
                 let keys = TextureKeys::from_table(&table, cx)?;
                 Some(Self {
                     at: keys.file.at.clone(),
-                    texture: texture(keys, &table, SRGB, cx),
+                    texture: texture(&keys, &table, SRGB, cx),
                 })
             }
             _ => {
@@ -118,7 +118,7 @@ impl<const SRGB: bool> Value for Texture<SRGB> {
 }
 
 fn texture(
-    keys: TextureKeys,
+    keys: &TextureKeys,
     table: &Table<'_>,
     srgb: bool,
     cx: &mut Reader<'_>,
