@@ -301,6 +301,47 @@ fn the_anchors_are_those_of_github() {
     }
 }
 
+/// The equations, such as `3.4`, that a comment tags with `[theory (3.4), (3.5)]`.
+fn tagged_equations(text: &str) -> Vec<String> {
+    let tags = text
+        .split("[theory")
+        .skip(1)
+        .filter_map(|t| t.split(']').next());
+    tags.flat_map(|tag| tag.split('(').skip(1))
+        .filter_map(|e| Some(e.split(')').next()?.to_owned()))
+        .collect()
+}
+
+#[test]
+fn tags_of_equations_name_equations_of_the_theory() {
+    let theory = fs::read_to_string(root().join("docs/theory.md")).unwrap();
+    let equations: BTreeSet<&str> = theory
+        .split("\\tag{")
+        .skip(1)
+        .filter_map(|t| t.split('}').next())
+        .collect();
+    let mut tags = 0;
+    let mut wrong = Vec::new();
+    for (path, text) in files("src", &["rs"]) {
+        for equation in tagged_equations(&text) {
+            tags += 1;
+            if !equations.contains(equation.as_str()) {
+                wrong.push(format!("{path}: there is no equation ({equation})"));
+            }
+        }
+    }
+    report("tags without an equation", &wrong);
+    assert!(
+        equations.len() > 40 && tags > 20,
+        "{} {tags}",
+        equations.len()
+    );
+    assert_eq!(
+        tagged_equations("[theory (1.2), (9.9) left] (8.8)"),
+        ["1.2", "9.9"]
+    );
+}
+
 #[test]
 fn the_readme_is_short() {
     let lines = fs::read_to_string(root().join("README.md"))

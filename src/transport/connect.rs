@@ -99,7 +99,7 @@ impl<'a> Joiner<'a> {
     }
 
     /// Applies the MIS weight, Russian roulette and the visibility test, then records the
-    /// contribution.
+    /// contribution. [theory (3.1)]
     fn finish(
         &mut self,
         numerator: &Numerator,

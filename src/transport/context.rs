@@ -171,7 +171,7 @@ impl<'a> PathContext<'a> {
     }
 
     /// The lanes that stay alive when the hero's direction was taken through a dispersive
-    /// interface: those of exactly its wavelength.
+    /// interface: those of exactly its wavelength. [theory (4.3)]
     #[must_use]
     pub fn hero_lanes(&self) -> SampledSpectrum {
         let hero = self.wavelengths.lambda_nm(0);

@@ -109,7 +109,7 @@ pub enum Departure {
 
 impl Departure {
     /// Area density of the next vertex, at distance² `d2`, whose geometric normal makes `cos` with
-    /// the edge.
+    /// the edge. [theory (2.1)]
     #[must_use]
     pub fn area_density(&self, cos: f64, d2: f64) -> EdgeDensity {
         match self {

@@ -49,7 +49,7 @@ pub enum MergeSide {
 
 /// The terms of the side whose vertices `densities` holds, from its end point to the merged vertex,
 /// at least two. `factor` turns a density of direction at the merged vertex into the one of the
-/// vertex before it.
+/// vertex before it. [theory (6.4)]
 #[must_use]
 pub fn side_terms(
     densities: &[VertexDensity],
@@ -115,7 +115,7 @@ pub fn side_terms(
 
 /// The factors that turn each lane's `T_L T_C g` into its contribution. `toward_light` and
 /// `toward_sensor` are the densities of direction at the merged vertex, each of the direction it
-/// names given the other.
+/// names given the other. [theory (6.3), (6.5) to (6.7)]
 #[must_use]
 pub fn merge_factors(
     light: &SideTerms,

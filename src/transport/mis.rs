@@ -108,7 +108,7 @@ impl<'a> Multipliers<'a> {
         out
     }
 
-    /// N_r(s): specular ends of strategy `s`.
+    /// N_r(s): specular ends of strategy `s`. [theory (2.3)]
     #[must_use]
     pub fn regularized(&self, s: usize) -> i32 {
         if !self.has_specular || s == 0 || s == self.path.len() {
@@ -135,7 +135,8 @@ impl<'a> Multipliers<'a> {
         }
     }
 
-    /// Preference, by which a technique is weighted besides its density and A: `β^{N_r(s)} · [admitted]`.
+    /// Preference, by which a technique is weighted besides its density and A:
+    /// `β^{N_r(s)} · [admitted]`. [theory (2.6)]
     #[must_use]
     pub fn preference(&self, technique: Technique) -> f64 {
         let Technique::Join(s) = technique else {
@@ -150,7 +151,7 @@ impl<'a> Multipliers<'a> {
         }
     }
 
-    /// `m₁` of a technique.
+    /// `m₁` of a technique. [theory (2.5)]
     #[must_use]
     pub fn of(&self, technique: Technique) -> f64 {
         self.plain(technique) * self.preference(technique)
@@ -193,7 +194,7 @@ impl<'a> Multipliers<'a> {
 }
 
 /// `n_s · A^{N_r} · [executed]` of strategy `s` of `n` vertices, which joins at N_r = `regularized`
-/// specular ones.
+/// specular ones. [theory (2.4), (2.5)]
 #[must_use]
 pub fn plain_multiplier(strategies: &StrategySet, s: usize, n: usize, regularized: i32) -> f64 {
     let samples = strategies.samples(Technique::Join(s), n, regularized > 0);
@@ -216,6 +217,7 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
     let m = |i: usize| multipliers.of(Join(i));
     term(Join(s), m(s));
 
+    // towards the light: [theory (3.3) left, (3.4), (3.5) left]
     // Direct sampling of x₀ (s' = 1) has a density of its own, which enters where s' = 1 is an end
     // of the walk.
     let pf0 = if s == 1 { path.pf(0) } else { 0.0 };
@@ -239,6 +241,7 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
                 break;
             }
             if merging {
+                // [theory (6.2)]
                 term(Merge(i), rho * path.pf(i) * multipliers.of(Merge(i)));
             }
             if i >= 2 {
@@ -247,6 +250,7 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
         }
     }
 
+    // towards the sensor: [theory (3.3) right, (3.5) right, (3.6)]
     let mut rho = 1.0;
     if s == 1 {
         // strategies s' >= 2 draw x₀ by emission
@@ -271,7 +275,7 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
 }
 
 /// Whether every dispersive vertex of the path is an end point of the technique, so that every lane
-/// can serve as its hero. Merging has no end points.
+/// can serve as its hero: "delivers" of [theory (4.3)]. Merging has no end points.
 #[must_use]
 pub fn serves_all_lanes(path: &PathView, dispersive: usize, technique: Technique) -> bool {
     if dispersive == 0 {
@@ -289,7 +293,8 @@ pub fn serves_all_lanes(path: &PathView, dispersive: usize, technique: Technique
     at_ends == dispersive
 }
 
-/// The denominators of all lanes for the executed strategy of the path. `scratch` is overwritten.
+/// The denominators of all lanes for the executed strategy of the path, with the numerator of its
+/// weight. `scratch` is overwritten. [theory (3.1), (3.2)]
 #[must_use]
 pub fn denominator(
     multipliers: &Multipliers,
@@ -308,7 +313,7 @@ pub fn denominator(
 }
 
 /// The same for merging at x_{s−1}, which camera and light sub-path have both generated; the path
-/// is seen as by strategy s, at least 2.
+/// is seen as by strategy s, at least 2. [theory (6.3)]
 #[must_use]
 pub fn merge_denominator(
     multipliers: &Multipliers,
@@ -328,6 +333,7 @@ pub fn merge_denominator(
     }
 }
 
+/// Sums of the terms, shared by all lanes and of each alone. [theory (4.4)]
 fn terms(
     multipliers: &Multipliers,
     wavelengths: &SampledWavelengths,
@@ -365,7 +371,7 @@ fn terms(
 
 /// The terms where densities differ between lanes: lane k's chain of ratios cannot be walked,
 /// because its density may be 0 where the hero's is not, so everything is divided by what was
-/// really generated (prefix and suffix products).
+/// really generated (prefix and suffix products). [theory (4.6), (4.7)]
 fn add_columns(
     multipliers: &Multipliers,
     wavelengths: &SampledWavelengths,

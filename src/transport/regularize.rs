@@ -27,7 +27,7 @@ pub struct Cone {
 }
 
 impl Cone {
-    /// Of half-aperture `epsilon` in radians, 0 < ε <= π.
+    /// Of half-aperture `epsilon` in radians, 0 < ε <= π. [theory (5.1)]
     #[must_use]
     pub fn new(epsilon: f64) -> Self {
         let chord = 2.0 * (0.5 * epsilon).sin();
@@ -40,7 +40,7 @@ impl Cone {
     }
 
     /// Whether two unit directions are within ε of each other. By the chord: a cosine near 1 has no
-    /// digits left.
+    /// digits left. [theory (5.1)]
     #[must_use]
     pub fn contains(&self, axis: DVec3, w: DVec3) -> bool {
         axis.distance_squared(w) < self.chord_squared
@@ -48,7 +48,7 @@ impl Cone {
 }
 
 /// Half-aperture of pass `index` = 0, 1, ...: max(ε_min, ε₁ (index + 1)^(−1/6)), for which squared
-/// bias and variance of one regularized vertex fall alike (both as n^(−2/3)).
+/// bias and variance of one regularized vertex fall alike (both as n^(−2/3)). [theory (7.2)]
 #[must_use]
 pub fn scheduled_epsilon(epsilon_first: f64, epsilon_min: f64, index: u32) -> f64 {
     let shrunk = epsilon_first * (f64::from(index) + 1.0).powf(-1.0 / 6.0);
@@ -85,6 +85,7 @@ pub fn specular_kernel(
     }
 }
 
+/// Kernel of specular reflection. [theory (5.2)]
 fn reflected(bsdf: &Bsdf, w_light: DVec3, w_camera: DVec3, cone: &Cone) -> Option<SpecularKernel> {
     let mirrored = DVec3::new(-w_light.x, -w_light.y, w_light.z);
     if !cone.contains(mirrored, w_camera) {
@@ -100,6 +101,7 @@ fn reflected(bsdf: &Bsdf, w_light: DVec3, w_camera: DVec3, cone: &Cone) -> Optio
     })
 }
 
+/// Kernel of specular transmission, each lane with its own refracted axis. [theory (5.3)]
 fn transmitted(
     bsdf: &Bsdf,
     w_light: DVec3,

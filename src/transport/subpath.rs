@@ -80,7 +80,7 @@ impl Vertex {
     }
 
     /// `|ω⁻·n_s| / |ω⁻·n_g|`: what interpolated normals put on every vertex, always for the light
-    /// side's direction.
+    /// side's direction. [theory (1.10)]
     #[must_use]
     pub fn light_side_correction(&self, w_light: DVec3) -> f64 {
         if self.frame.z == self.ng {

@@ -250,7 +250,7 @@ fn survival(index: usize, weight: f64) -> f64 {
     if weight > 0.0 { weight.min(most) } else { 0.0 }
 }
 
-/// Weight after scattering at `vertex` into `w`, in basic units.
+/// Weight after scattering at `vertex` into `w`, in basic units. [theory (1.7), (1.8), (1.10)]
 fn next_throughput(
     context: &PathContext,
     vertex: &Vertex,
@@ -273,7 +273,7 @@ fn next_throughput(
 }
 
 /// Once the direction after vertex `index` is known, the vertex before it has its density from the
-/// other side.
+/// other side. [theory (2.1)]
 fn finish_previous(
     path: &mut Subpath,
     index: usize,

@@ -265,6 +265,7 @@ impl Joiner<'_> {
 
     /// Joins two ends by an edge of unit direction `w`, from the light to the sensor, and length
     /// `distance`, under all their labels; under non-specular ones of both only `with_rough_pair`.
+    /// [theory (1.9), (3.7)]
     pub(super) fn join(
         &mut self,
         light: &End,
