@@ -211,7 +211,7 @@ fn every_subset_of_strategies_has_the_same_mean() {
             ..settings.clone()
         };
         // neither end is hit: cones are all there is, and noisier
-        let passes = if subset == 0b0110 { 5 * passes } else { passes };
+        let passes = if subset == 0b0110 { 8 * passes } else { passes };
         let found = measure(&scene, &settings, 24, passes, &["LSE"]).classes[0];
         let deviation = found.deviation(&truth);
         println!("subset {subset:04b}: {found:?} for {truth:?}, {deviation:.1} standard errors");
