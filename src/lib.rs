@@ -7,6 +7,8 @@ pub mod math;
 
 pub mod spectrum;
 
+pub mod optics;
+
 pub mod geometry;
 pub mod texture;
 
