@@ -14,6 +14,7 @@ mod html;
 mod image_output;
 mod info;
 mod interrupt;
+mod lens;
 mod load;
 mod merge;
 mod progress;
@@ -58,6 +59,7 @@ pub fn run() -> ExitCode {
         Command::Cost(options) => cost::run(&options),
         Command::Compare(options) => compare::run(&options),
         Command::Glass(options) => glass::run(&options),
+        Command::Lens(options) => lens::run(&options),
         Command::Merge(options) => merge::run(&options),
         Command::Banding(options) => banding::run(&options),
         Command::Convert(options) => convert::run(&options),

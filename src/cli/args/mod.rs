@@ -2,18 +2,20 @@
 //! allowed.
 
 mod images;
+mod lens;
 mod overrides;
 mod reports;
 mod scene;
 mod values;
 
 pub use images::{BandingOptions, ColorLines, CompareOptions, MergeOptions};
+pub use lens::{GlassOptions, LensOptions};
 pub use overrides::Overrides;
 pub use reports::{CostGroup, CostOptions};
 pub use scene::{ConvertOptions, InfoOptions, RenderOptions};
 pub use values::Aov;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use std::sync::LazyLock;
 
 /// Version of the program.
@@ -58,26 +60,14 @@ pub enum Command {
     Compare(CompareOptions),
     /// Shows the refractive index of a glass
     Glass(GlassOptions),
+    /// Shows the data of a lens prescription: paraxial, aberrations, spots, transmission; drawings
+    Lens(Box<LensOptions>),
     /// Adds up part files of disjoint passes
     Merge(MergeOptions),
     /// Shows what sharing wavelengths and times in a pass does: photon merging beside bidirectional path tracing
     Banding(BandingOptions),
     /// Writes an editable scene file that refers to a model
     Convert(ConvertOptions),
-}
-
-/// Options of `abbe glass`.
-#[derive(Debug, Args)]
-pub struct GlassOptions {
-    /// The glass, such as schott:N-SF11 or N-SF11
-    #[arg(value_name = "NAME", required_unless_present = "list")]
-    pub name: Option<String>,
-    /// Lists the names of all glasses
-    #[arg(long, conflicts_with = "name")]
-    pub list: bool,
-    /// Prints JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
 #[cfg(test)]
