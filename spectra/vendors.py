@@ -40,6 +40,8 @@ def entries(maker):
         formula = int(n["type"].split()[1])
         rows = [line.split() for line in k["data"].splitlines() if line.strip()]
         table = {float(um): float(value) for um, value in rows if 0.3 <= float(um) <= 1.1}
+        if any(value < 0 for value in table.values()):
+            table = {}  # a table with negative k (hikari LAK09, SK2) is not one
         yield stem, formula, n["wavelength_range"], n["coefficients"], table
 
 

@@ -336,6 +336,36 @@ mod tests {
     }
 
     #[test]
+    fn a_break_is_one_per_axis_in_turn() {
+        let (decenter, tilt) = (DVec3::new(1.0, -2.0, 0.0), DVec3::new(10.0, -20.0, 30.0));
+        let at = |decenter, tilt_deg, reversed| {
+            let thickness = 0.0;
+            Break {
+                decenter,
+                tilt_deg,
+                reversed,
+                thickness,
+            }
+            .frame()
+        };
+        let one = |axis: DVec3| at(DVec3::ZERO, axis * tilt, false);
+        let chain = at(decenter, DVec3::ZERO, false)
+            .then(&one(DVec3::X))
+            .then(&one(DVec3::Y))
+            .then(&one(DVec3::Z));
+        let whole = at(decenter, tilt, false);
+        assert!((chain.origin - whole.origin).length() < 1e-15);
+        assert!((chain.rotation - whole.rotation).abs_diff_eq(DMat3::ZERO, 1e-15));
+        let chain = one(DVec3::Z)
+            .then(&one(DVec3::Y))
+            .then(&one(DVec3::X))
+            .then(&at(decenter, DVec3::ZERO, false));
+        let whole = at(decenter, tilt, true);
+        assert!((chain.origin - whole.origin).length() < 1e-15);
+        assert!((chain.rotation - whole.rotation).abs_diff_eq(DMat3::ZERO, 1e-15));
+    }
+
+    #[test]
     fn tilts_are_right_handed() {
         let tilt = Break {
             decenter: DVec3::ZERO,

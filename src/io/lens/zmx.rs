@@ -340,6 +340,7 @@ fn assemble(
     for (i, row) in rows.iter().enumerate() {
         let is_image = i + 1 == rows.len();
         if i == 0 {
+            profile(row, unit)?;
             if row.thickness.is_finite() {
                 object_distance = Some(row.thickness * unit);
             }
