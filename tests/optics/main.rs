@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod mutation;
+mod program;
 
 use abbe::io::lens;
 use abbe::optics::coating::{Films, Polarization};
