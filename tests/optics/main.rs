@@ -1,4 +1,5 @@
-//! Prescriptions, rays and coatings against optiland and tmm (numbers frozen by `freeze.py`), and hostile lens files.
+//! Prescriptions, rays and coatings against optiland, ray-optics and tmm (numbers frozen by `freeze.py` and
+//! `freeze_rays.py`), and hostile lens files.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -87,6 +88,32 @@ fn paraxial_data_and_real_rays_are_those_of_optiland() {
         }
     }
     assert!(points > 1500, "{points}");
+}
+
+#[test]
+fn real_rays_are_those_of_ray_optics() {
+    let text = std::fs::read_to_string(root().join("tests/optics/frozen_rays.json")).unwrap();
+    let frozen: Value = serde_json::from_str(&text).unwrap();
+    let rays = frozen["rays"].as_array().unwrap();
+    assert_eq!(rays.len(), 6 * 3 * 8);
+    for row in rays {
+        let file = row["file"].as_str().unwrap();
+        let lens = read(&root().join("scenes/lenses").join(file));
+        let system = System::new(&lens, row["nm"].as_f64().unwrap());
+        let ray = Ray {
+            o: vector(&row["o"]),
+            d: vector(&row["d"]),
+        };
+        let expected = row["points"].as_array().unwrap();
+        assert_eq!(expected.len(), lens.surfaces.len());
+        let mut met = Vec::new();
+        system.trace(ray, false, |e| met.push(e.point)).unwrap();
+        for (point, expected) in met.iter().zip(expected) {
+            let error = (*point - vector(expected)).length();
+            assert!(error < 1e-9, "{file}: {point} {expected} {error:e}");
+        }
+        assert_eq!(met.len(), expected.len());
+    }
 }
 
 #[test]
