@@ -112,6 +112,9 @@ pub fn spots(lens: &Prescription, report: &Report) -> String {
     svg + "</svg>\n"
 }
 
+/// Place in the pupil and aberration, where the ray arrives.
+type Fan = Vec<(f64, Option<f64>)>;
+
 /// Transverse aberrations against the place in the pupil, tangential (y) and sagittal (x), per field.
 #[must_use]
 pub fn fans(lens: &Prescription) -> String {
@@ -129,7 +132,7 @@ pub fn fans(lens: &Prescription) -> String {
     );
     svg += &legend(lens, 40.0);
     for (row, (name, axis)) in axes.into_iter().enumerate() {
-        let curves: Vec<Vec<Vec<(f64, Option<f64>)>>> = lens
+        let curves: Vec<Vec<Fan>> = lens
             .fields
             .iter()
             .map(|&field| {

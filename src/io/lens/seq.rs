@@ -13,11 +13,11 @@ use crate::spectrum::Library;
 use glam::DVec3;
 
 /// Commands that do not bear on rays.
-const PASSED_OVER: [&str; 16] = [
+const PASSED_OVER: [&str; 15] = [
     "RDM", "LEN", "GO", "INI", "SLB", "CA", "THC", "CUC", "GLC", "KC", "CCY", "WTF", "PIM", "GL1",
-    "SPS_", "OUT",
+    "OUT",
 ];
-/// Letters of the coefficients of r^4, r^6, ...; E is left out by no one.
+/// Letters of the coefficients of r^4, r^6, ...
 const LETTERS: &str = "ABCDEFGHJ";
 /// Most values of a list command.
 const MAX_VALUES: usize = 100;

@@ -13,9 +13,12 @@ use crate::spectrum::Library;
 use glam::{DVec2, DVec3};
 
 /// Keywords that do not bear on rays: remarks, drawing, tolerances, settings of analyses.
-const PASSED_OVER: &str = " VERS MODE NOTE SDMA VANN TYCO FWGN ENVD HIDE SLAB POPS FLAP MEMA BLNK TOL MNUM MOFF TOLS \
-    GFAC GSTD RAIM PUSH RSCE RWRE DWGN COFN PFIL LANG PICB EFFL GLRS SCBD SDSR SCOL COFN ROPD CFIG MIRR XRAY ZVDX \
-    PRIM SURFD DBDT FIMP HYPR ELAP_ NSCD ZVCX ZVCY ZVAN ZVDY TAPR PZUP LDSZ XTRI FLOD GRAN PRMT PIEX WWGT FLDR PKUP MAZH CFGW ";
+const PASSED_OVER: [&str; 44] = [
+    "VERS", "MODE", "NOTE", "SDMA", "TYCO", "FWGN", "ENVD", "HIDE", "SLAB", "POPS", "FLAP", "MEMA",
+    "BLNK", "TOL", "MNUM", "MOFF", "TOLS", "GFAC", "GSTD", "RAIM", "PUSH", "RSCE", "RWRE", "DWGN",
+    "COFN", "PFIL", "LANG", "PICB", "EFFL", "GLRS", "SCBD", "SDSR", "SCOL", "ROPD", "CFIG", "PRIM",
+    "FIMP", "NSCD", "TAPR", "PZUP", "LDSZ", "FLDR", "PKUP", "WWGT",
+];
 /// Keywords that would change rays if their numbers were not zero: vignetting factors.
 const VIGNETTING: [&str; 5] = ["VDXN", "VDYN", "VCXN", "VCYN", "VANN"];
 
@@ -116,7 +119,7 @@ pub fn parse(text: &str, library: &Library) -> Result<Prescription, LensError> {
             }
             None => header_line(&mut header, keyword, values, text, line)?,
         };
-        if known || PASSED_OVER.contains(&format!(" {keyword} ")) {
+        if known || PASSED_OVER.contains(&keyword) {
             continue;
         }
         if VIGNETTING.contains(&keyword) {
@@ -133,7 +136,7 @@ pub fn parse(text: &str, library: &Library) -> Result<Prescription, LensError> {
             header.notes.push(format!("line {line}: {note}"));
         }
     }
-    assemble(header, rows, library)
+    assemble(header, &rows, library)
 }
 
 fn first(values: &[&str], line: usize) -> Result<f64, LensError> {
@@ -209,7 +212,7 @@ fn row_line(row: &mut Row, keyword: &str, values: &[&str], line: usize) -> Resul
         "SQAP" => {
             row.outline = Some(Outline::Rectangle {
                 half: pair()?.into(),
-            })
+            });
         }
         "OBDC" => row.center = pair()?.into(),
         "OBSC" | "SQOB" | "ELAP" | "ELOB" | "UDAP" | "UDOB" | "SPID" | "GRTG" => {
@@ -218,7 +221,6 @@ fn row_line(row: &mut Row, keyword: &str, values: &[&str], line: usize) -> Resul
                 format!("{keyword} is not read (apertures: DIAM, CLAP, SQAP)"),
             ));
         }
-        "COAT" => return Ok(false),
         _ => return Ok(false),
     }
     Ok(true)
@@ -249,7 +251,7 @@ fn header_line(
                 .trim_start()
                 .trim_start_matches("NAME")
                 .trim()
-                .to_owned()
+                .to_owned();
         }
         "UNIT" => {
             header.unit = match values.first().copied() {
@@ -319,7 +321,7 @@ fn header_line(
 
 fn assemble(
     mut header: Header,
-    rows: Vec<Row>,
+    rows: &[Row],
     library: &Library,
 ) -> Result<Prescription, LensError> {
     let last_line = rows.last().map_or(1, |r| r.line);
