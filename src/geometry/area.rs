@@ -23,7 +23,7 @@ pub struct AreaSample {
     pub pdf_a: f64,
 }
 
-/// What sampling a shape by area takes beside the shape.
+/// Table that sampling a shape by area takes beside the shape.
 #[derive(Clone, Debug, Default)]
 pub struct AreaSampler {
     /// Triangles of a mesh by area: their mean area over the keys of a mesh that changes its form.

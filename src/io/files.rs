@@ -35,7 +35,7 @@ pub enum FileProblem {
     Bad {
         /// The path as written.
         path: String,
-        /// What is wrong, with the line where known.
+        /// Problem, with the line where known.
         message: String,
     },
 }
@@ -82,7 +82,7 @@ pub fn read(folder: &Path, name: &str, limit: u64) -> Result<Vec<u8>, FileProble
 /// comments and one header line without numbers are passed over. The first column (nm) must ascend.
 ///
 /// # Errors
-/// What is wrong, in words, with the line.
+/// Problem, in words, with the line.
 pub fn read_csv<const N: usize>(bytes: &[u8]) -> Result<Vec<[f64; N]>, String> {
     let text =
         std::str::from_utf8(bytes).map_err(|e| format!("not UTF-8 at byte {}", e.valid_up_to()))?;

@@ -6,7 +6,7 @@ use thiserror::Error;
 /// Most surfaces of a prescription.
 pub const MAX_SURFACES: usize = 1000;
 
-/// What is wrong with a prescription.
+/// Problem of a prescription.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{}{message}", place(*surface, *line))]
 pub struct PrescriptionError {
@@ -14,7 +14,7 @@ pub struct PrescriptionError {
     pub surface: Option<usize>,
     /// Line of the file the surface begins at; 0: none.
     pub line: usize,
-    /// What is wrong and what is allowed.
+    /// Problem, and the values allowed.
     pub message: String,
 }
 

@@ -12,13 +12,13 @@ pub const MAX_FILE_BYTES: u64 = 16 << 20;
 /// Most files of a catalog folder.
 const MAX_FILES: usize = 10_000;
 
-/// What is wrong with a catalog file, and where.
+/// Problem of a catalog file, and where.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{line}: {message}")]
 pub struct CatalogError {
     /// Line of the file, counted from 1.
     pub line: usize,
-    /// What is wrong and what is allowed.
+    /// Problem, and the values allowed.
     pub message: String,
 }
 
@@ -28,7 +28,7 @@ pub struct CatalogError {
 pub struct CatalogFileError {
     /// The file or folder.
     pub path: PathBuf,
-    /// What is wrong.
+    /// Problem.
     pub message: String,
 }
 

@@ -20,13 +20,13 @@ const MAX_SURFACES: usize = 1000;
 /// Most coefficients of a surface.
 const MAX_COEFFICIENTS: usize = 32;
 
-/// What is wrong with a lens file, and where.
+/// Problem of a lens file, and where.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{line}: {message}")]
 pub struct LensError {
     /// Line of the file, counted from 1.
     pub line: usize,
-    /// What is wrong and what is allowed.
+    /// Problem, and the values allowed.
     pub message: String,
 }
 

@@ -63,7 +63,7 @@ impl Row {
     }
 }
 
-/// What stands before the surfaces.
+/// Space before the surfaces.
 struct Header {
     name: String,
     notes: Vec<String>,
