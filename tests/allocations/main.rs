@@ -115,7 +115,7 @@ fn things_that_move_take_no_memory() {
 
 #[test]
 fn merging_takes_no_memory() {
-    let (scene, settings) = load("bench/torus_glass_cube.toml", &[], IntegratorKind::Vcm);
+    let (scene, settings) = load("bench/caustic_lens.toml", &[], IntegratorKind::Vcm);
     let crop = scene.sensors[0].whole_film();
     let job = SensorJob::new(&scene, 0, &settings, &crop, false);
     let radius = 0.01;
