@@ -82,6 +82,12 @@ impl Shape {
         }
     }
 
+    /// Outward unit normal of face `prim` of a box, in object space; `None` of other shapes.
+    #[must_use]
+    pub fn face_normal(&self, prim: u32) -> Option<DVec3> {
+        matches!(self, Self::Box).then(|| analytic::cube_normal(prim))
+    }
+
     /// Largest coordinate of the shape, in object space.
     #[inline]
     pub(super) fn extent(&self) -> f64 {

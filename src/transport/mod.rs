@@ -4,6 +4,7 @@
 //! all strategies of a path), [`walk`] (sub-paths), [`connect`] (joining them). `README.md` beside
 //! this file lists the rules that only appear when effects combine.
 
+pub mod aim;
 pub mod class;
 pub mod connect;
 pub mod context;

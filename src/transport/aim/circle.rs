@@ -1,0 +1,201 @@
+//! Reflection off mirrors whose cross-section is a circle: Alhazen's problem.
+//!
+//! On the unit circle, with the ends A and B as complex numbers, P = e^{iφ} reflects A to B (or lies on a straight line
+//! between them) where Im((A − P)(B − P) P̄²) = 0. That is Im(AB e^{−2iφ} − (A + B) e^{−iφ}) = 0, a quartic in tan(φ/2)
+//! with at most four roots. An end at infinity in direction a leaves Im(aB e^{−2iφ} − a e^{−iφ}). Off the outside the
+//! angle of reflection θ alone decides: what both ends turn by, θ − asin(sin θ/|A|), rises with it.
+
+use super::ball::lean;
+use super::roots::{polynomial_roots, root};
+use super::surface::Surface;
+use super::{Bounce, Far, Points};
+use arrayvec::ArrayVec;
+use glam::{DVec2, DVec3};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Product of complex numbers.
+fn times(a: DVec2, b: DVec2) -> DVec2 {
+    DVec2::new(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x)
+}
+
+/// `e^{iφ}`.
+fn turn(phi: f64) -> DVec2 {
+    DVec2::from_angle(phi)
+}
+
+/// An end in the plane of the unit circle.
+#[derive(Clone, Copy)]
+struct FlatEnd {
+    /// Where; a direction (of any length) if infinitely far away.
+    at: DVec2,
+    is_infinite: bool,
+}
+
+impl FlatEnd {
+    /// Sine of the angle at point `p` of the circle between its normal and the end, and the derivative by the angle of `p`.
+    fn sine(self, p: DVec2) -> (f64, f64) {
+        let t = p.perp();
+        if self.is_infinite {
+            let u = self.at.normalize();
+            return (p.perp_dot(u), t.perp_dot(u));
+        }
+        let v = self.at - p;
+        let length = v.length();
+        let sine = p.perp_dot(v) / length;
+        (
+            sine,
+            (t.perp_dot(self.at) + sine * t.dot(v) / length) / length,
+        )
+    }
+
+    /// k = 1/distance and 1 − k².
+    fn inverse(self) -> (f64, f64) {
+        if self.is_infinite {
+            return (0.0, 1.0);
+        }
+        let a = self.at.length();
+        (1.0 / a, (a - 1.0) * (a + 1.0) / (a * a))
+    }
+}
+
+/// The reflection off the outside of the unit circle.
+fn outside(far: FlatEnd, to: DVec2) -> Option<DVec2> {
+    let to = FlatEnd {
+        at: to,
+        is_infinite: false,
+    };
+    let ((k_a, rest_a), (k_b, rest_b)) = (far.inverse(), to.inverse());
+    if rest_a <= 0.0 || rest_b <= 0.0 {
+        return None;
+    }
+    let gamma = far.at.perp_dot(to.at).atan2(far.at.dot(to.at));
+    let f = |theta: f64| {
+        let at = theta.sin_cos();
+        let (a, b) = (lean(at, k_a, rest_a), lean(at, k_b, rest_b));
+        (a.0 + b.0 - gamma.abs(), a.1 + b.1)
+    };
+    let theta = root(f, 0.0, FRAC_PI_2)?;
+    let angle = lean(theta.sin_cos(), k_a, rest_a).0;
+    Some(far.at.normalize().rotate(turn(angle * gamma.signum())))
+}
+
+/// The points of the unit circle at which the normal halves the angle between the ends or is perpendicular to the line
+/// between them: those of reflection are among them.
+fn stationary(far: FlatEnd, to: DVec2, mut found: impl FnMut(DVec2)) {
+    let FlatEnd {
+        at: far_at,
+        is_infinite,
+    } = far;
+    let (second, first) = if is_infinite {
+        (times(far_at, to), far_at)
+    } else {
+        (times(far_at, to), far_at + to)
+    };
+    let at = |phi: f64| times(second, turn(-2.0 * phi)).y - times(first, turn(-phi)).y;
+    // φ = π + start is where the function is largest of eight, so that no root is near tan(φ/2) = ∞
+    let opposite = (0..8)
+        .map(|i| std::f64::consts::TAU * f64::from(i) / 8.0)
+        .max_by(|&a, &b| at(a).abs().total_cmp(&at(b).abs()))
+        .unwrap_or(0.0);
+    let start = opposite - std::f64::consts::PI;
+    let (c2, c1) = (
+        times(second, turn(-2.0 * start)),
+        times(first, turn(-start)),
+    );
+    let quartic = [
+        c2.y - c1.y,
+        -4.0 * c2.x + 2.0 * c1.x,
+        -6.0 * c2.y,
+        4.0 * c2.x + 2.0 * c1.x,
+        c2.y + c1.y,
+    ];
+    if quartic[4] == 0.0 {
+        return;
+    }
+    let mut roots = ArrayVec::new();
+    polynomial_roots(&quartic, &mut roots);
+    let near = FlatEnd {
+        at: to,
+        is_infinite: false,
+    };
+    for t in roots {
+        let mut p = turn(start + 2.0 * t.atan());
+        // coefficients are differences of what is large near the circle
+        for _ in 0..2 {
+            let (a, b) = (far.sine(p), near.sine(p));
+            let step = -(a.0 + b.0) / (a.1 + b.1);
+            if step.abs() < 1e-6 {
+                p = p.rotate(turn(step)).normalize();
+            }
+        }
+        found(p);
+    }
+}
+
+/// Calls `found` with every candidate for a reflection off a sphere or cylinder, from outside or inside.
+pub(super) fn solve(bounce: &Bounce, far: &Far, to: DVec3, mut found: impl FnMut(&Points)) {
+    let candidates = |far: FlatEnd, to: DVec2, each: &mut dyn FnMut(DVec2)| {
+        if bounce.from_above {
+            outside(far, to).into_iter().for_each(each);
+        } else {
+            stationary(far, to, each);
+        }
+    };
+    match bounce.surface {
+        Surface::Sphere { center, radius } => {
+            let b = (to - center) / radius;
+            let (a, is_infinite) = match *far {
+                Far::Point(x) => ((x - center) / radius, false),
+                Far::Direction(w) => (w, true),
+            };
+            let (Some(x), across) = (a.try_normalize(), b.reject_from(a)) else {
+                return;
+            };
+            // on a common axis the solutions are a circle, and the two on it a set of measure 0
+            let Some(y) = across.try_normalize() else {
+                return;
+            };
+            let y = y.reject_from_normalized(x).normalize();
+            let flat = |v: DVec3| DVec2::new(v.dot(x), v.dot(y));
+            let end = FlatEnd {
+                at: flat(a),
+                is_infinite,
+            };
+            candidates(end, flat(b), &mut |p| {
+                let p = center + radius * (p.x * x + p.y * y);
+                found(&Points::from_iter([p]));
+            });
+        }
+        Surface::Cylinder {
+            center,
+            axis,
+            radius,
+        } => {
+            let (x, y) = axis.any_orthonormal_pair();
+            let flat = |v: DVec3| DVec2::new(v.dot(x), v.dot(y));
+            let b = flat((to - center) / radius);
+            let z_b = (to - center).dot(axis);
+            let (a, is_infinite) = match *far {
+                Far::Point(x) => (flat((x - center) / radius), false),
+                Far::Direction(w) => (flat(w), true),
+            };
+            let end = FlatEnd { at: a, is_infinite };
+            candidates(end, b, &mut |p| {
+                // the normal has no part along the axis: heights divide as the lengths across it
+                let across_b = b.distance(p) * radius;
+                let z = match *far {
+                    Far::Point(x) => {
+                        let z_a = (x - center).dot(axis);
+                        let across_a = a.distance(p) * radius;
+                        z_b + (z_a - z_b) * across_b / (across_a + across_b)
+                    }
+                    Far::Direction(w) => z_b + w.dot(axis) / a.length() * across_b,
+                };
+                found(&Points::from_iter([center
+                    + radius * (p.x * x + p.y * y)
+                    + axis * z]));
+            });
+        }
+        Surface::Plane { .. } => {}
+    }
+}

@@ -1,0 +1,70 @@
+//! Faces of the scene as surfaces that chains are solved for.
+
+use super::surface::Surface;
+use crate::geometry::{Instance, Placement, Shape, SurfaceId};
+use glam::DVec3;
+
+/// Relative difference of lengths and cosine of angles up to which a map is one that keeps shapes.
+const SIMILAR: f64 = 1e-12;
+
+impl Surface {
+    /// Face `prim` of an instance under `placement` at `time` (seconds); `None` where its shape is none of these: a
+    /// sphere or cylinder scaled out of round, a mesh.
+    #[must_use]
+    pub fn of(instance: &Instance, prim: u32, placement: &Placement) -> Option<Self> {
+        let to_world = placement.to_world;
+        let columns = to_world.matrix3;
+        let [x, y, z] = [columns.x_axis, columns.y_axis, columns.z_axis];
+        let is_round = |a: DVec3, b: DVec3| {
+            let (a2, b2) = (a.length_squared(), b.length_squared());
+            (a2 - b2).abs() <= SIMILAR * a2 && a.dot(b).abs() <= SIMILAR * a2
+        };
+        let is_square = |a: DVec3, b: DVec3| a.dot(b).abs() <= SIMILAR * a.length() * b.length();
+        match instance.shape {
+            Shape::Sphere => {
+                (is_round(x, y) && is_round(y, z) && is_round(z, x)).then(|| Self::Sphere {
+                    center: to_world.translation,
+                    radius: x.length(),
+                })
+            }
+            Shape::Cylinder => {
+                (is_round(x, y) && is_square(x, z) && is_square(y, z)).then(|| Self::Cylinder {
+                    center: to_world.translation,
+                    axis: z.normalize(),
+                    radius: x.length(),
+                })
+            }
+            Shape::Quad | Shape::Disk { .. } => Some(Self::Plane {
+                origin: to_world.translation,
+                normal: placement.normal_to_world(DVec3::Z),
+            }),
+            Shape::Box => {
+                let n = instance.shape.face_normal(prim)?;
+                Some(Self::Plane {
+                    origin: to_world.transform_point3(n),
+                    normal: placement.normal_to_world(n),
+                })
+            }
+            Shape::Mesh(_) | Shape::Deforming(_) => None,
+        }
+    }
+}
+
+/// Whether a point of the surface lies on face `id.prim` of the instance, which may be smaller than the surface.
+#[must_use]
+pub fn is_on_face(instance: &Instance, id: SurfaceId, placement: &Placement, p: DVec3) -> bool {
+    let q = placement.to_object.transform_point3(p);
+    match instance.shape {
+        Shape::Sphere => true,
+        Shape::Cylinder => q.z.abs() <= 1.0,
+        Shape::Quad => q.truncate().abs().max_element() <= 1.0,
+        Shape::Disk { inner } => (inner * inner..=1.0).contains(&q.truncate().length_squared()),
+        Shape::Box => {
+            let axis = (id.prim / 2) as usize % 3;
+            let mut across = q.abs();
+            across[axis] = 0.0;
+            across.max_element() <= 1.0
+        }
+        Shape::Mesh(_) | Shape::Deforming(_) => false,
+    }
+}

@@ -1,0 +1,583 @@
+//! Solvers against rays that are traced through the same surfaces: every traced chain is found, what is found obeys the
+//! law of refraction, and the Jacobian is that of finite differences.
+
+use super::differential::jacobian;
+use super::surface::Surface;
+use super::{Bounce, Far, Points, solve};
+use crate::math::frame::Frame;
+use crate::math::hash::{random_bits, unit_f64};
+use crate::math::sampling::uniform_sphere;
+use glam::DVec3;
+
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 += 1;
+        unit_f64(random_bits(19, self.0))
+    }
+
+    fn direction(&mut self) -> DVec3 {
+        uniform_sphere([self.next(), self.next()])
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.next()
+    }
+}
+
+/// A family of chains in units of 1 about the origin.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// Random planes with these labels (transmits).
+    Planes(&'static [bool]),
+    /// Planes 1e-6 rad from parallel.
+    Slab,
+    /// In, so many inner reflections, out.
+    Across(usize),
+    /// From a point inside out, the light inside or outside.
+    Through {
+        light_inside: bool,
+    },
+    Mirror {
+        sphere: bool,
+        inside: bool,
+    },
+}
+
+const KINDS: [Kind; 15] = [
+    Kind::Planes(&[true]),
+    Kind::Planes(&[false]),
+    Kind::Planes(&[true, true]),
+    Kind::Planes(&[true, false, true]),
+    Kind::Planes(&[true, true, true, true]),
+    Kind::Planes(&[false, true, false, false]),
+    Kind::Slab,
+    Kind::Across(0),
+    Kind::Across(1),
+    Kind::Through { light_inside: true },
+    Kind::Through {
+        light_inside: false,
+    },
+    Kind::Mirror {
+        sphere: true,
+        inside: false,
+    },
+    Kind::Mirror {
+        sphere: true,
+        inside: true,
+    },
+    Kind::Mirror {
+        sphere: false,
+        inside: false,
+    },
+    Kind::Mirror {
+        sphere: false,
+        inside: true,
+    },
+];
+
+/// A chain that a ray was traced through.
+#[derive(Debug)]
+struct Traced {
+    bounces: Vec<Bounce>,
+    eta: Vec<f64>,
+    points: Points,
+    far: Far,
+    to: DVec3,
+}
+
+/// Places units in the world.
+#[derive(Clone, Copy, Debug)]
+struct World {
+    scale: f64,
+    offset: DVec3,
+}
+
+impl World {
+    fn point(&self, p: DVec3) -> DVec3 {
+        self.offset + p * self.scale
+    }
+}
+
+/// Where a ray meets a surface from the side `above`.
+fn meet(surface: &Surface, o: DVec3, d: DVec3, above: bool) -> Option<DVec3> {
+    let quadratic = |o: DVec3, d: DVec3, radius: f64| {
+        let d2 = d.length_squared();
+        let nearest = -o.dot(d) / d2;
+        let half = ((radius * radius - (o + d * nearest).length_squared()) / d2).sqrt();
+        if above {
+            nearest - half
+        } else {
+            nearest + half
+        }
+    };
+    let t = match *surface {
+        Surface::Plane { origin, normal } => {
+            let approach = d.dot(normal);
+            if (approach < 0.0) != above {
+                return None;
+            }
+            (origin - o).dot(normal) / approach
+        }
+        Surface::Sphere { center, radius } => quadratic(o - center, d, radius),
+        Surface::Cylinder {
+            center,
+            axis,
+            radius,
+        } => quadratic((o - center).reject_from(axis), d.reject_from(axis), radius),
+    };
+    let p = o + d * t;
+    (t > 0.0).then(|| match *surface {
+        // back onto it, as a hit is
+        Surface::Plane { origin, normal } => p - normal * (p - origin).dot(normal),
+        Surface::Sphere { center, radius } => center + (p - center).normalize() * radius,
+        Surface::Cylinder {
+            center,
+            axis,
+            radius,
+        } => {
+            let (along, across) = (
+                (p - center).project_onto(axis),
+                (p - center).reject_from(axis),
+            );
+            center + along + across.normalize() * radius
+        }
+    })
+}
+
+/// Traces from the sensor's end. Points from the light, and the last ray.
+fn trace(
+    bounces: &[Bounce],
+    eta: &[f64],
+    to: DVec3,
+    direction: DVec3,
+) -> Option<(Points, DVec3, DVec3)> {
+    let (mut o, mut d) = (to, direction);
+    let mut points = Vec::new();
+    for (i, bounce) in bounces.iter().enumerate().rev() {
+        let p = meet(&bounce.surface, o, d, bounce.to_above())?;
+        let n = bounce.surface.normal(p);
+        let n = if bounce.to_above() { n } else { -n };
+        let cos = -d.dot(n);
+        if cos <= 0.0 {
+            return None;
+        }
+        d = if bounce.transmits {
+            let e = eta[i + 1] / eta[i];
+            let k = 1.0 - e * e * (1.0 - cos * cos);
+            if k <= 0.0 {
+                return None;
+            }
+            (e * d + (e * cos - k.sqrt()) * n).normalize()
+        } else {
+            (d + 2.0 * cos * n).normalize()
+        };
+        o = p;
+        points.push(p);
+    }
+    points.reverse();
+    Some((points.into_iter().collect(), o, d))
+}
+
+/// A random chain of a kind; `index` is that of glass. `near`: how near to the surface ends may be.
+fn random_chain(
+    kind: Kind,
+    world: &World,
+    index: f64,
+    near: f64,
+    random: &mut Random,
+) -> Option<Traced> {
+    let unit_sphere = Surface::Sphere {
+        center: world.point(DVec3::ZERO),
+        radius: world.scale,
+    };
+    let bounce = |surface: Surface, transmits: bool, from_above: bool| Bounce {
+        surface,
+        transmits,
+        from_above,
+    };
+    let (mut bounces, mut eta) = (Vec::new(), Vec::new());
+    // where the ray starts and what it is aimed at, in units
+    let (start, aim);
+    let log_near = |random: &mut Random| near.powf(random.next());
+    match kind {
+        Kind::Planes(labels) => {
+            let mut indices = vec![1.0];
+            let tilt = random.direction() * 0.4;
+            for (i, &transmits) in labels.iter().enumerate() {
+                let normal = (DVec3::Z + tilt + random.direction() * 0.3).normalize();
+                let origin = DVec3::new(0.0, 0.0, i as f64 * random.between(0.3, 1.0));
+                let surface = Surface::Plane {
+                    origin: world.point(origin),
+                    normal,
+                };
+                bounces.push(bounce(surface, transmits, true));
+                let before = indices[i];
+                let flipped = if before == 1.0 { index } else { 1.0 };
+                indices.push(if transmits { flipped } else { before });
+            }
+            eta = indices;
+            start = random.direction() * random.between(0.5, 4.0);
+            aim = random.direction() * 0.3;
+        }
+        Kind::Slab => {
+            let tilt = DVec3::new(random.next(), random.next(), 0.0) * 1e-6;
+            for (z, normal, from_above) in [
+                (0.3, DVec3::Z, true),
+                (-0.2, (tilt - DVec3::Z).normalize(), false),
+            ] {
+                let origin = world.point(DVec3::Z * z);
+                bounces.push(bounce(Surface::Plane { origin, normal }, true, from_above));
+            }
+            eta.extend([1.0, index, 1.0]);
+            start = random.direction() * random.between(0.5, 4.0);
+            aim = random.direction() * 0.2;
+        }
+        Kind::Across(inner) => {
+            bounces.push(bounce(unit_sphere, true, true));
+            bounces.extend((0..inner).map(|_| bounce(unit_sphere, false, false)));
+            bounces.push(bounce(unit_sphere, true, false));
+            eta.push(1.0);
+            eta.extend(vec![index; inner + 1]);
+            eta.push(1.0);
+            start = random.direction() * (1.0 + 3.0 * log_near(random));
+            aim = random.direction() * random.next().cbrt();
+        }
+        Kind::Through { light_inside } => {
+            bounces.push(bounce(unit_sphere, true, !light_inside));
+            eta.extend(if light_inside {
+                [index, 1.0]
+            } else {
+                [1.0, index]
+            });
+            let r = if light_inside {
+                1.0 + 3.0 * log_near(random)
+            } else {
+                random.next().cbrt()
+            };
+            start = random.direction() * r;
+            aim = random.direction() * random.next().cbrt();
+        }
+        Kind::Mirror { sphere, inside } => {
+            let axis = random.direction();
+            let surface = if sphere {
+                unit_sphere
+            } else {
+                Surface::Cylinder {
+                    center: world.point(DVec3::ZERO),
+                    axis,
+                    radius: world.scale,
+                }
+            };
+            bounces.push(bounce(surface, false, !inside));
+            eta.extend([1.0, 1.0]);
+            // into a ring also over its rim
+            let far = if inside {
+                random.between(0.0, 2.0)
+            } else {
+                1.0 + 3.0 * log_near(random)
+            };
+            let across = random.direction().reject_from(axis).normalize() * far;
+            start = if sphere {
+                random.direction() * far
+            } else {
+                across + axis * random.next()
+            };
+            aim = random.direction() * random.next().cbrt();
+        }
+    }
+    let to = world.point(start);
+    let direction = (world.point(aim) - to).try_normalize()?;
+    if matches!(kind, Kind::Planes(_)) {
+        // met from the side on which the ray is
+        for i in (0..bounces.len()).rev() {
+            let (_, _, d) = trace(&bounces[i + 1..], &eta[i + 1..], to, direction)?;
+            let to_above = d.dot(bounces[i].surface.normal(to)) < 0.0;
+            bounces[i].from_above = to_above != bounces[i].transmits;
+        }
+    }
+    let (points, o, d) = trace(&bounces, &eta, to, direction)?;
+    let far = if random.next() < 0.2 && !matches!(kind, Kind::Through { light_inside: true }) {
+        Far::Direction(d)
+    } else {
+        let mut length = 4.0 * log_near(random);
+        if matches!(kind, Kind::Through { light_inside: true }) {
+            // to the other side of the ball at most
+            let chord = -2.0 * (o - world.point(DVec3::ZERO)).dot(d) / world.scale;
+            length = chord * random.next();
+        }
+        Far::Point(o + d * length * world.scale)
+    };
+    // ends of infinite surfaces are on their sides by construction, but for planes behind planes
+    Some(Traced {
+        bounces,
+        eta,
+        points,
+        far,
+        to,
+    })
+}
+
+fn distance(a: &Points, b: &Points) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| a.distance(*b))
+        .fold(0.0, f64::max)
+}
+
+/// Sine between what the law of refraction wants and what is there, times the index.
+fn residual(chain: &Traced, points: &Points) -> f64 {
+    let mut worst: f64 = 0.0;
+    for (i, (&p, bounce)) in points.iter().zip(&chain.bounces).enumerate() {
+        let before = match i.checked_sub(1) {
+            Some(j) => (points[j] - p).normalize(),
+            None => chain.far.direction_from(p),
+        };
+        let after = (points.get(i + 1).copied().unwrap_or(chain.to) - p).normalize();
+        let n = bounce.surface.normal(p);
+        let sum = before * chain.eta[i] + after * chain.eta[i + 1];
+        worst = worst.max(sum.reject_from(n).length());
+    }
+    worst
+}
+
+/// Every chain that is traced is found, and all that is found obeys the law; returns the number of chains traced.
+fn check(kind: Kind, world: &World, index: f64, near: f64, tolerance: f64, rounds: usize) -> usize {
+    let mut random = Random((index * 1e6) as u64);
+    let mut traced = 0;
+    for round in 0..rounds {
+        let Some(chain) = random_chain(kind, world, index, near, &mut random) else {
+            continue;
+        };
+        traced += 1;
+        let mut nearest = f64::INFINITY;
+        let mut all: Vec<Points> = Vec::new();
+        solve(&chain.bounces, &chain.eta, &chain.far, chain.to, |points| {
+            assert!(points.iter().all(|p| p.is_finite()), "{kind:?}");
+            nearest = nearest.min(distance(points, &chain.points));
+            // none twice
+            let apart = |p: &Points| distance(p, points) > 1e-12 * world.scale;
+            assert!(
+                all.iter().all(apart),
+                "{kind:?} {round}: {all:?} {points:?}"
+            );
+            all.push(points.clone());
+        });
+        assert!(
+            nearest < tolerance * world.scale,
+            "{kind:?} {index} {world:?} {round}: missed by {nearest}, {} found, {chain:?}",
+            all.len()
+        );
+        let shortest = |points: &Points| {
+            let mut ends: Vec<DVec3> = points.to_vec();
+            ends.push(chain.to);
+            if let Far::Point(x) = chain.far {
+                ends.insert(0, x);
+            }
+            ends.windows(2)
+                .map(|w| w[0].distance(w[1]))
+                .fold(f64::INFINITY, f64::min)
+        };
+        for points in &all {
+            // the digits that positions have, as angles
+            let size = world.offset.length() + 8.0 * world.scale;
+            let digits = 1e-10 + 1e-13 * size / shortest(points);
+            let r = residual(&chain, points);
+            assert!(
+                r < digits,
+                "{kind:?} {index} {round}: residual {r}, {digits} {points:?} {chain:?}"
+            );
+        }
+    }
+    traced
+}
+
+const UNIT: World = World {
+    scale: 1.0,
+    offset: DVec3::ZERO,
+};
+
+#[test]
+fn every_traced_chain_is_found() {
+    for kind in KINDS {
+        for index in [1.5, 1.0 / 1.5, 1.77, 4.0] {
+            if matches!(kind, Kind::Across(_)) && index < 1.0 {
+                continue;
+            }
+            let traced = check(kind, &UNIT, index, 1e-2, 1e-6, 2500);
+            assert!(traced > 5, "{kind:?}: {traced}");
+        }
+    }
+}
+
+#[test]
+fn hard_cases_are_found() {
+    let worlds = [
+        World {
+            scale: 1e-6,
+            offset: DVec3::ZERO,
+        },
+        World {
+            scale: 1e6,
+            offset: DVec3::ZERO,
+        },
+        World {
+            scale: 1.0,
+            offset: DVec3::new(6e3, -8e3, 100.0),
+        },
+    ];
+    for kind in KINDS {
+        for world in worlds {
+            // at 1e4 radii a position has 2e-12 of them, of which a fold leaves the root
+            check(kind, &world, 1.5, 1e-3, 1e-5, 300);
+        }
+        for index in [1.0 + 1e-9, 4.0] {
+            check(kind, &UNIT, index, 1e-9, 1e-5, 1000);
+        }
+    }
+}
+
+/// Area across the last ray per solid angle at the sensor's end, by differences of the fourth order.
+fn area_by_differences(chain: &Traced) -> Option<f64> {
+    let frame = Frame::from_z((*chain.points.last()? - chain.to).normalize());
+    let last = chain.far.direction_from(chain.points[0]);
+    let at = |x: f64, y: f64| {
+        let d = frame.to_outer(DVec3::new(x.sin(), y.sin(), 1.0).normalize());
+        let (_, o, d) = trace(&chain.bounces, &chain.eta, chain.to, d)?;
+        Some(match chain.far {
+            Far::Point(p) => o + d * ((p - o).dot(last) / d.dot(last)),
+            Far::Direction(_) => d,
+        })
+    };
+    let h = 1e-4;
+    let derivative = |f: &dyn Fn(f64) -> Option<DVec3>| {
+        Some((8.0 * (f(h)? - f(-h)?) - (f(2.0 * h)? - f(-2.0 * h)?)) / (12.0 * h))
+    };
+    let (x, y) = (derivative(&|t| at(t, 0.0))?, derivative(&|t| at(0.0, t))?);
+    Some(x.cross(y).dot(last).abs())
+}
+
+#[test]
+fn jacobian_is_that_of_finite_differences_and_reciprocal() {
+    let mut random = Random(5);
+    for kind in KINDS {
+        let mut checked = 0;
+        for _ in 0..1000 {
+            let Some(chain) = random_chain(kind, &UNIT, 1.5, 0.3, &mut random) else {
+                continue;
+            };
+            let j = jacobian(
+                &chain.bounces,
+                &chain.points,
+                &chain.eta,
+                &chain.far,
+                chain.to,
+            );
+            let Some(area) = area_by_differences(&chain) else {
+                continue;
+            };
+            // near a fold, a difference of products of order one; near grazing, high derivatives
+            let steep = chain
+                .points
+                .iter()
+                .zip(&chain.bounces)
+                .enumerate()
+                .all(|(i, (&p, b))| {
+                    let after = chain.points.get(i + 1).copied().unwrap_or(chain.to) - p;
+                    let before = chain.far.direction_from(p);
+                    let n = b.surface.normal(p);
+                    after.normalize().dot(n).abs() > 0.2 && (i > 0 || before.dot(n).abs() > 0.2)
+                });
+            if !steep {
+                continue;
+            }
+            checked += 1;
+            assert!(
+                (1.0 / j - area).abs() < 1e-6 * (1.0 + area),
+                "{kind:?}: {} {area}",
+                1.0 / j
+            );
+            if let Far::Point(x) = chain.far {
+                let reversed: Vec<Bounce> = chain
+                    .bounces
+                    .iter()
+                    .rev()
+                    .map(|b| Bounce {
+                        from_above: b.to_above(),
+                        ..*b
+                    })
+                    .collect();
+                let points: Points = chain.points.iter().rev().copied().collect();
+                let eta: Vec<f64> = chain.eta.iter().rev().copied().collect();
+                let back = jacobian(&reversed, &points, &eta, &Far::Point(chain.to), x);
+                let (a, b) = (chain.eta[0].powi(2), chain.eta.last().unwrap().powi(2));
+                assert!(
+                    (a / j - b / back).abs() < 1e-9 * (1.0 + area),
+                    "{kind:?}: {} {}",
+                    a / j,
+                    b / back
+                );
+            }
+        }
+        assert!(checked > 10, "{kind:?}: {checked}");
+    }
+}
+
+#[test]
+fn degenerate_ends_give_no_nonsense() {
+    let ball = Surface::Sphere {
+        center: DVec3::ZERO,
+        radius: 1.0,
+    };
+    let enter = Bounce {
+        surface: ball,
+        transmits: true,
+        from_above: true,
+    };
+    let leave = Bounce {
+        from_above: false,
+        ..enter
+    };
+    let ring = Surface::Cylinder {
+        center: DVec3::ZERO,
+        axis: DVec3::Z,
+        radius: 1.0,
+    };
+    let mirror = Bounce {
+        surface: ring,
+        transmits: false,
+        from_above: false,
+    };
+    let points = [
+        DVec3::ZERO,
+        DVec3::X * 1e-9,
+        DVec3::X,
+        DVec3::X * (1.0 + 1e-9),
+        DVec3::X * 3.0,
+        DVec3::X * -3.0,
+        DVec3::Z * 2.0,
+        DVec3::Z * -2.0,
+    ];
+    let chains: [(&[Bounce], &[f64]); 4] = [
+        (&[enter, leave], &[1.0, 1.5, 1.0]),
+        (&[enter], &[1.0, 1.5]),
+        (&[leave], &[1.5, 1.0]),
+        (&[mirror], &[1.0, 1.0]),
+    ];
+    for (bounces, eta) in chains {
+        for a in points {
+            for to in points {
+                for far in [
+                    Far::Point(a),
+                    Far::Direction(DVec3::X),
+                    Far::Direction(DVec3::Z),
+                ] {
+                    solve(bounces, eta, &far, to, |found| {
+                        assert!(found.iter().all(|p| p.is_finite()));
+                    });
+                }
+            }
+        }
+    }
+}
