@@ -413,6 +413,27 @@ impl Material {
         }
     }
 
+    /// Whether it reflects and whether it refracts as a smooth surface, where nothing about it is rough, bent, thin or
+    /// left open; else `None`.
+    #[must_use]
+    pub fn smooth_labels(&self) -> Option<[bool; 2]> {
+        let mut labels = [false; 2];
+        for (_, lobe) in &self.lobes {
+            match lobe {
+                LobeSpec::Dielectric { .. } => labels = [true; 2],
+                LobeSpec::Mirror { .. }
+                | LobeSpec::Conductor { .. }
+                | LobeSpec::ColoredMetal { .. } => labels[0] = true,
+                _ => return None,
+            }
+            if !lobe.is_specular() {
+                return None;
+            }
+        }
+        let is_plain = self.normal.is_none() && self.coverage.is_none();
+        (is_plain && labels[0]).then_some(labels)
+    }
+
     /// Whether any lobe is specular (smooth) by its roughness. A rough interface between media of
     /// the same index is also built as smooth, which only its [`Lobe`] tells.
     #[must_use]

@@ -6,4 +6,4 @@ pub mod strategies;
 
 pub use photons::PhotonTracer;
 pub use sample::{SensorJob, Workspace, sample_and_merge, sample_pixel};
-pub use strategies::strategies;
+pub use strategies::{aims, strategies};

@@ -4,7 +4,7 @@
 //! Integrators differ only in which strategies they execute ([`StrategySet::samples`]) and so in
 //! which sub-paths they need; the walk, the connections and the weights are the same code.
 
-use super::strategies;
+use super::{aims, strategies};
 use crate::bsdf::Side;
 use crate::film::Crop;
 use crate::geometry::{EndPoint, Placements, Ray};
@@ -64,6 +64,7 @@ impl<'a> SensorJob<'a> {
         if let Some(Mode::Single(rule)) = decision.mode {
             strategies.single = Some(rule);
         }
+        strategies.aims = aims(settings, scene, sensor);
         strategies.bias_weight = settings.regularization.bias_weight;
         let heroes = match settings.merging.sharing {
             Sharing::Set if strategies.merge.is_some() => lanes(scene, settings) as u32,
@@ -319,11 +320,14 @@ pub fn sample_and_merge(
             joiner.hit_light(camera, hit);
         }
         joiner.direct(camera, j);
+        joiner.aim_at_light(camera, j);
     }
     joiner.hit_environment(camera);
     joiner.start_to_sensor(light, margin);
+    joiner.aim_through(light, margin);
     for i in 0..light.vertices.len() {
         joiner.to_sensor(light, i, margin);
+        joiner.aim_at_sensor(light, i, margin);
     }
     for hit in &light.sensor_hits {
         joiner.hit_sensor(light, hit);

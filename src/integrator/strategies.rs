@@ -1,8 +1,9 @@
 //! The integrators: which strategies each executes. Nothing else knows their names.
 
-use crate::scene::Settings;
-use crate::scene::settings::IntegratorKind;
-use crate::transport::strategies::{Merge, MergeRule, StrategySet};
+use crate::camera::CameraKind;
+use crate::scene::settings::{Aiming, IntegratorKind};
+use crate::scene::{Scene, Settings};
+use crate::transport::strategies::{Aims, Merge, MergeRule, StrategySet};
 
 /// The strategies that the settings of a render ask for, for one sensor, without regularization and
 /// before any photons. `splat_samples`: light sub-paths per pass / pixels of the full film.
@@ -26,6 +27,7 @@ pub fn strategies(
         cone: None,
         single: None,
         bias_weight: 1.0,
+        aims: Aims::NONE,
         disabled: &settings.disabled,
     };
     let every = StrategySet {
@@ -71,5 +73,27 @@ pub fn strategies(
         },
         IntegratorKind::Bpm => merged_alone(MergeRule::Every),
         IntegratorKind::Ppm => merged_alone(MergeRule::FirstFromSensor),
+    }
+}
+
+/// The chains that are solved for: none with merging. By default only those that lead to where no other strategy
+/// leads well: a vertex behind what is specular seen through what is specular.
+#[must_use]
+pub fn aims(settings: &Settings, scene: &Scene, sensor: usize) -> Aims {
+    let integrator = settings.integrator;
+    if settings.aim == Aiming::Off || integrator.merges() || scene.chains.kinds().is_empty() {
+        return Aims::NONE;
+    }
+    let camera = &scene.sensors[sensor].camera.kind;
+    let from_light = integrator != IntegratorKind::Path;
+    let from_camera = integrator != IntegratorKind::Light;
+    let can_splat = from_light && matches!(camera, CameraKind::Perspective(_));
+    let all = settings.aim == Aiming::All;
+    Aims {
+        light: from_camera,
+        sensor: can_splat,
+        through: can_splat,
+        light_everywhere: all || !from_light,
+        sensor_everywhere: all || !from_camera,
     }
 }

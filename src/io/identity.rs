@@ -149,6 +149,7 @@ fn further_values(settings: &Settings) -> Values {
         heuristic: _,
         pair_probability,
         regularization,
+        aim,
         merging,
         show_point_lights,
         disabled,
@@ -170,6 +171,7 @@ fn further_values(settings: &Settings) -> Values {
     let disabled: Vec<String> = disabled.iter().map(|(s, t)| format!("s{s}t{t}")).collect();
     vec![
         ("pairProbability", pair_probability.to_string()),
+        ("aim", aim.to_string()),
         ("singleRule", single_rule.to_string()),
         ("epsilon", or_auto(epsilon.map(|e| e.to_string()))),
         ("epsilonMin", epsilon_min.to_string()),

@@ -46,6 +46,10 @@ pub enum Draw {
     /// Russian roulette before the shadow ray of strategy (s, t) under one of four pairs of labels:
     /// (s, t, labels).
     Roulette(usize, usize, usize),
+    /// The light that camera vertex j aims at through chains, and the point on it (two).
+    AimLight(usize),
+    /// Point of the sensor that light vertex i - 1 aims at through chains: two; 0: the start of the light sub-path.
+    AimLens(usize),
 }
 
 /// Draws of a kind that are stratified over the passes: the first so many vertices.
@@ -93,6 +97,8 @@ impl Draw {
             Self::CameraCoverage(vertices, n) => alone(6, two(vertices, n), false),
             Self::LightCoverage(vertices, n) => alone(7, two(vertices, n), false),
             Self::Roulette(s, t, labels) => alone(8, two(s, 4 * t + labels), false),
+            Self::AimLight(j) => alone(9, j as u64, j < STRATIFIED),
+            Self::AimLens(i) => alone(10, i as u64, i < STRATIFIED),
         }
     }
 }

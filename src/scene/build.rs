@@ -1,5 +1,6 @@
 //! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends of paths.
 
+use super::chains::Chains;
 use super::description::{
     LightDescription, ObjectDescription, SceneDescription, SensorDescription, WavelengthChoice,
     WavelengthSettings,
@@ -146,9 +147,11 @@ impl Scene {
             motions,
             is_moving: moments.is_moving,
             effects: Vec::new(),
+            chains: Chains::default(),
             hash: description.hash,
         };
         scene.effects = find_effects(&scene);
+        scene.chains = Chains::of(&scene);
         Ok(scene)
     }
 }

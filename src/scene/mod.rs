@@ -3,6 +3,7 @@
 pub mod at;
 pub mod build;
 pub mod builder;
+pub mod chains;
 pub mod description;
 pub mod effects;
 pub mod frozen;
@@ -26,6 +27,7 @@ use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, Medium, MediumId, MediumStack};
 use crate::spectrum::WavelengthDistribution;
 use crate::texture::Image;
+use chains::Chains;
 use effects::{Effect, EffectKind};
 use std::sync::Arc;
 
@@ -107,6 +109,8 @@ pub struct Scene {
     pub is_moving: bool,
     /// What the scene calls for.
     pub effects: Vec<Effect>,
+    /// Chains of smooth surfaces that can be solved for.
+    pub chains: Chains,
     /// Whether any object is there only in part.
     pub has_coverage: bool,
     /// Hash of the scene file and the files it refers to.

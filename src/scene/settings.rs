@@ -53,6 +53,18 @@ named! {
     }
 }
 
+named! {
+    /// Which chains of mirrors and smooth glass are solved for.
+    pub enum Aiming {
+        /// None.
+        Off = "off": "None",
+        /// Where no other strategy makes their paths well.
+        Auto = "auto": "Where no other strategy makes their paths well",
+        /// All that the scene has.
+        All = "all": "All that the scene has",
+    }
+}
+
 /// Photon merging.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Merging {
@@ -197,6 +209,8 @@ pub struct Settings {
     pub pair_probability: f64,
     /// Connections at specular vertices.
     pub regularization: Regularization,
+    /// Chains of specular vertices that are solved for.
+    pub aim: Aiming,
     /// Photon merging, where the algorithm does it.
     pub merging: Merging,
     /// Also shows paths from a light without extent to a pinhole over specular vertices alone: points of finite flux, which become
@@ -217,6 +231,7 @@ impl Default for Settings {
             heuristic: Heuristic::Balance,
             pair_probability: 0.25,
             regularization: Regularization::default(),
+            aim: Aiming::Off,
             merging: Merging::default(),
             show_point_lights: false,
             disabled: BTreeSet::new(),

@@ -6,6 +6,7 @@
 //! The order of work is from cheap to dear: kernels, weight, roulette on the weighted value, and
 //! only then the shadow ray.
 
+mod aimed;
 mod at_light;
 mod at_photon;
 mod at_sensor;
@@ -14,13 +15,15 @@ mod end;
 pub use at_photon::Photons;
 pub use end::Receiver;
 
+use super::aim::trail::{Trail, bridges};
 use super::class::PathClass;
 use super::context::{Counters, PathContext};
 use super::contribution::{Contribution, Target};
-use super::density::{PathView, VertexDensity};
+use super::density::{Bridge, Column, PathView, VertexDensity};
 use super::mis::{Multipliers, Technique, denominator, serves_all_lanes};
 use super::strategies::StrategySet;
 use super::subpath::{Subpath, Vertex};
+use crate::bsdf::Lobe;
 use crate::geometry::{DirectionalDensity, EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
 use crate::medium::Region;
@@ -63,7 +66,15 @@ pub struct Scratch {
     arrival: Vec<VertexDensity>,
     /// Products of densities over the end of a path.
     suffix: Vec<f64>,
+    /// Densities of a path up to the end of a chain that was solved for, and their columns.
+    bridged: Vec<VertexDensity>,
+    columns: Vec<Column>,
+    /// Lobes of a vertex of such a chain.
+    lobes: Vec<(f32, Lobe)>,
 }
+
+/// A ray that must reach its end, and the region it lies in.
+type Segment = (Ray, Region);
 
 /// A numerator, still without its weight: the factor of all lanes and each lane's own.
 struct Numerator {
@@ -74,6 +85,13 @@ struct Numerator {
 /// A complete path as its strategy sees it, and the pixel it lands on.
 struct Candidate<'p> {
     view: PathView<'p>,
+    trail: Trail<'p>,
+    /// The light that x₀ is on.
+    light: Option<LightId>,
+    /// Ends (a, b) of the chain that was solved for, if one was.
+    bridge: Option<(usize, usize)>,
+    /// Wavelength whose path this is.
+    lane: usize,
     target: Target,
 }
 
@@ -100,18 +118,35 @@ impl<'a> Joiner<'a> {
 
     /// Applies the MIS weight, Russian roulette and the visibility test, then records the
     /// contribution. [theory (3.1)]
-    fn finish(
-        &mut self,
-        numerator: &Numerator,
-        candidate: &Candidate,
-        segment: Option<(&Ray, &Region)>,
-    ) {
-        let view = &candidate.view;
+    fn finish(&mut self, numerator: &Numerator, candidate: &Candidate, segments: &[Segment]) {
+        let mut view = candidate.view;
+        if let (true, Some(id)) = (self.strategies.aims.any(), candidate.light) {
+            let (kind, trail) = (&self.light(id).kind, &candidate.trail);
+            view.bridges = bridges(
+                self.context,
+                self.strategies,
+                &view,
+                trail,
+                kind,
+                candidate.lane,
+            );
+        }
+        if let Some(ends) = candidate.bridge {
+            let is_it = |bridge: &&Bridge| (bridge.a, bridge.b) == ends;
+            view.made = view.bridges.iter().flatten().find(is_it).copied();
+            if view.made.is_none() {
+                self.counters.lost_bridges += 1;
+                return;
+            }
+        }
+        let view = &view;
         if self.skip_point_images && !view.hittable_light && view.is_all_specular() {
             return;
         }
         #[cfg(test)]
-        super::record::record(view, self.strategies, segment.map(|(ray, _)| ray));
+        if view.made.is_none() {
+            super::record::record(view, self.strategies, segments.first().map(|(ray, _)| ray));
+        }
         let count = self.context.count();
         let multipliers = Multipliers::new(view, self.strategies);
         let weights = denominator(
@@ -134,7 +169,7 @@ impl<'a> Joiner<'a> {
             return;
         }
         let mut survival = 1.0;
-        if let Some((ray, region)) = segment {
+        if !segments.is_empty() {
             let threshold = self.context.pass.roulette_threshold;
             if threshold > 0.0 {
                 let brightness = self.context.response.brightness(&lanes);
@@ -142,21 +177,24 @@ impl<'a> Joiner<'a> {
                     survival = brightness / threshold;
                     let labels = [view.edge.light_label, view.edge.camera_label];
                     let [a, b] = labels.map(|label| usize::from(label.is_specular()));
-                    let draw = Draw::Roulette(view.s(), view.camera.len(), 2 * a + b);
+                    let solved = usize::from(view.made.is_some()) << 20;
+                    let draw = Draw::Roulette(view.s(), view.camera.len(), 2 * a + b + solved);
                     if self.sampler.number(draw) >= survival {
                         return;
                     }
                 }
             }
-            let visibility = self.context.visibility(ray, region, self.counters);
-            if visibility == 0.0 {
-                return;
+            for (ray, region) in segments {
+                let visibility = self.context.visibility(ray, region, self.counters);
+                if visibility == 0.0 {
+                    return;
+                }
+                survival /= visibility;
             }
-            survival /= visibility;
         }
         self.counters.connections_made += 1;
         let s = view.s();
-        let made = Technique::Join(s);
+        let made = Technique::of(view);
         let raw = if self.with_raw {
             let shared = serves_all_lanes(view, view.dispersive_count(), made);
             let value = |j| numerator.scale * f64::from(numerator.lanes[j]);
@@ -171,10 +209,14 @@ impl<'a> Joiner<'a> {
             target: candidate.target,
             lanes,
             raw,
-            s: s as u32,
+            s: view.made.map_or(s, |bridge| bridge.a + 1) as u32,
             t: view.camera.len() as u32,
-            regularized: multipliers.regularized(s) as u8,
+            regularized: match view.made {
+                Some(_) => 0,
+                None => multipliers.regularized(s) as u8,
+            },
             merged: false,
+            aimed: view.made.is_some(),
             class: if self.detailed {
                 PathClass::of(view)
             } else {

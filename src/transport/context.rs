@@ -64,6 +64,8 @@ pub struct Counters {
     pub photons_found: u64,
     /// Contributions dropped because they were not finite.
     pub non_finite: u64,
+    /// Chains solved for that their own path does not count: none, if solvers are right.
+    pub lost_bridges: u64,
     /// Surfaces met from a side on which the walk was not: a solid left that was never entered, an
     /// interface whose named medium is not the one around.
     pub medium_mismatches: u64,
@@ -82,6 +84,7 @@ impl Counters {
         self.photons += other.photons;
         self.photons_found += other.photons_found;
         self.non_finite += other.non_finite;
+        self.lost_bridges += other.lost_bridges;
         self.medium_mismatches += other.medium_mismatches;
         self.nesting_overflows += other.nesting_overflows;
     }

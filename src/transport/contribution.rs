@@ -31,6 +31,8 @@ pub struct Contribution {
     /// Made by photon merging: one vertex counts for both sides, s + t is one more than the
     /// vertices of the path.
     pub merged: bool,
+    /// Made by a chain solved for, between the `s` vertices from the light and the `t` from the sensor.
+    pub aimed: bool,
     /// Labels of the vertices; empty where nothing is kept by class.
     pub class: PathClass,
 }

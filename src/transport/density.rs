@@ -170,6 +170,19 @@ impl Default for Edge {
     }
 }
 
+/// A chain of specular vertices x_{a+1} … x_{b−1} that can be solved for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bridge {
+    /// Last vertex made from the light side.
+    pub a: usize,
+    /// First vertex made from the sensor side.
+    pub b: usize,
+    /// Density of the chain in units in which specular densities leave out 1/A: the true one is 1.
+    pub k: f64,
+    /// Times it is tried per pixel and pass.
+    pub samples: f64,
+}
+
 /// A full path as the strategy that made it sees it: two sub-paths and the edge between them.
 #[derive(Clone, Copy, Debug)]
 pub struct PathView<'a> {
@@ -187,6 +200,10 @@ pub struct PathView<'a> {
     pub direct: f64,
     /// Camera sub-paths can hit the light.
     pub hittable_light: bool,
+    /// Those of its chains, at the light and at the sensor, that are solved for.
+    pub bridges: [Option<Bridge>; 2],
+    /// The one of these that made the path; the edge is then the last one of its chain.
+    pub made: Option<Bridge>,
 }
 
 impl PathView<'_> {
@@ -200,6 +217,19 @@ impl PathView<'_> {
     #[must_use]
     pub fn len(&self) -> usize {
         self.light.len() + self.camera.len()
+    }
+
+    /// Density with which the executed technique generated x_i; 1 for the vertices of a chain solved for.
+    #[must_use]
+    pub fn generated(&self, i: usize) -> f64 {
+        match self.made {
+            Some(bridge) if i <= bridge.a => self.pf(i),
+            Some(bridge) if i < bridge.b => 1.0,
+            Some(_) => self.pr(i),
+            None if i == 0 && self.s() == 1 => self.direct,
+            None if i < self.s() => self.pf(i),
+            None => self.pr(i),
+        }
     }
 
     /// Whether there is no vertex at all.

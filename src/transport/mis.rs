@@ -14,7 +14,7 @@
 //! hero: all of them where no dispersive vertex is scattered at, only those of exactly the same
 //! wavelength elsewhere. It splits the sum in two: `D_j = shared + own_j`.
 
-use super::density::PathView;
+use super::density::{Bridge, PathView};
 use super::strategies::StrategySet;
 use crate::scene::settings::{Heuristic, SingleRule};
 use crate::spectrum::{MAX_LANES, SampledWavelengths};
@@ -50,6 +50,19 @@ pub enum Technique {
     Join(usize),
     /// x_i from both sides.
     Merge(usize),
+    /// x₀ ... x_a from the light, x_b and all after it from the sensor, the chain between them solved for.
+    Bridge(usize, usize),
+}
+
+impl Technique {
+    /// The one that made a path.
+    #[must_use]
+    pub fn of(path: &PathView) -> Self {
+        match path.made {
+            Some(bridge) => Self::Bridge(bridge.a, bridge.b),
+            None => Self::Join(path.s()),
+        }
+    }
 }
 
 /// Which of a path's strategies may make it.
@@ -96,6 +109,11 @@ impl<'a> Multipliers<'a> {
         if strategies.cone.is_none() || !out.has_specular {
             return out;
         }
+        if path.bridges.iter().any(Option::is_some) {
+            // perturbed chains whose ends have no exact one would leak
+            out.admitted = Admitted::Unregularized;
+            return out;
+        }
         if let Some(rule) = strategies.single {
             out.admitted = if out.has_unregularized() {
                 Admitted::Unregularized
@@ -131,6 +149,13 @@ impl<'a> Multipliers<'a> {
                     && (!self.strategies.merges_first_only()
                         || (i + 1..n - 1).all(|j| self.path.is_specular(j)));
                 if merges { samples } else { 0.0 }
+            }
+            Technique::Bridge(a, b) => {
+                let bridges = self.path.bridges.iter().flatten();
+                bridges
+                    .filter(|bridge| (bridge.a, bridge.b) == (a, b))
+                    .map(|bridge| bridge.samples)
+                    .sum()
             }
         }
     }
@@ -212,6 +237,14 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
     use Technique::{Join, Merge};
     let path = multipliers.path;
     let n = path.len();
+    for bridge in path.bridges.iter().flatten() {
+        let technique = Technique::Bridge(bridge.a, bridge.b);
+        let rho = bridge_ratio(path, bridge);
+        term(technique, rho * multipliers.of(technique));
+    }
+    if let Some(bridge) = &path.made {
+        return joins_around(multipliers, bridge, term);
+    }
     let s = path.s();
     let merging = multipliers.strategies.merge_samples() > 0.0;
     let m = |i: usize| multipliers.of(Join(i));
@@ -274,6 +307,65 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
     }
 }
 
+/// `P̃_Bridge/P̃` of a bridge of the path for the technique that made it. [theory (8.4)]
+fn bridge_ratio(path: &PathView, bridge: &Bridge) -> f64 {
+    let made = path.made.as_ref();
+    if made.is_some_and(|made| (made.a, made.b) == (bridge.a, bridge.b)) {
+        return 1.0;
+    }
+    let mut rho = bridge.k / made.map_or(1.0, |made| made.k);
+    for i in 0..path.len() {
+        let density = if i <= bridge.a {
+            path.pf(i)
+        } else if i < bridge.b {
+            1.0
+        } else {
+            path.pr(i)
+        };
+        rho *= density / path.generated(i);
+    }
+    rho
+}
+
+/// The terms of all joints of a path that a bridge made. [theory (8.5)]
+fn joins_around(multipliers: &Multipliers, bridge: &Bridge, mut term: impl FnMut(Technique, f64)) {
+    use Technique::Join;
+    let path = multipliers.path;
+    let Bridge { a, b, k, .. } = *bridge;
+    let m = |s: usize| multipliers.of(Join(s));
+    // strategy 1 draws x₀ directly, all others and the bridge as light is emitted
+    let drawn = |s: usize| {
+        if s == 1 {
+            path.direct / path.pf(0)
+        } else {
+            1.0
+        }
+    };
+    let chain = |s: usize| {
+        let density = |i: usize| if i < s { path.pf(i) } else { path.pr(i) };
+        (a + 1..b).map(density).product::<f64>() / k
+    };
+    for s in a + 1..=b {
+        term(Join(s), chain(s) * drawn(s) * m(s));
+    }
+    let mut rho = chain(a + 1);
+    for i in (0..=a).rev() {
+        rho *= path.pr(i) / path.pf(i);
+        if rho == 0.0 {
+            break;
+        }
+        term(Join(i), rho * drawn(i) * m(i));
+    }
+    let mut rho = chain(b);
+    for i in b..path.len() {
+        rho *= path.pf(i) / path.pr(i);
+        if rho == 0.0 {
+            break;
+        }
+        term(Join(i + 1), rho * m(i + 1));
+    }
+}
+
 /// Whether every dispersive vertex of the path is an end point of the technique, so that every lane
 /// can serve as its hero: "delivers" of [theory (4.3)]. Merging has no end points.
 #[must_use]
@@ -281,8 +373,14 @@ pub fn serves_all_lanes(path: &PathView, dispersive: usize, technique: Technique
     if dispersive == 0 {
         return true;
     }
-    let Technique::Join(s) = technique else {
-        return false;
+    let s = match technique {
+        Technique::Join(s) => s,
+        Technique::Merge(_) => return false,
+        Technique::Bridge(a, b) => {
+            // what is inside was made by nobody's hero
+            let inside = (a + 1..b).filter(|&i| path.is_dispersive(i)).count();
+            return inside == dispersive;
+        }
     };
     let n = path.len();
     let at_ends = if s == 0 || s == n {
@@ -301,7 +399,7 @@ pub fn denominator(
     wavelengths: &SampledWavelengths,
     scratch: &mut Vec<f64>,
 ) -> Denominator {
-    let executed = Technique::Join(multipliers.path.s());
+    let executed = Technique::of(multipliers.path);
     let preference = multipliers.preference(executed);
     Denominator {
         numerator: match multipliers.strategies.heuristic {
@@ -382,14 +480,9 @@ fn add_columns(
     use Technique::{Join, Merge};
     let path = multipliers.path;
     let n = path.len();
-    let s = path.s();
     let count = wavelengths.count();
-    // what generated x₀: direct sampling for s = 1
-    let generated = |i: usize| match (i, s) {
-        (0, 1) => path.direct,
-        _ if i < s => path.pf(i),
-        _ => path.pr(i),
-    };
+    let generated = |i: usize| path.generated(i);
+    let scale = path.made.map_or(1.0, |bridge| 1.0 / bridge.k);
     for k in 0..count {
         // suffix[i] = Π_{j >= i} pr_{j,k}/gen_j
         suffix.clear();
@@ -412,6 +505,13 @@ fn add_columns(
                 }
             }
         };
+        for bridge in path.bridges.iter().flatten() {
+            let technique = Technique::Bridge(bridge.a, bridge.b);
+            let before = (0..=bridge.a).map(|i| path.pf_lane(i, k) / generated(i));
+            let chain = (bridge.a + 1..bridge.b).map(|i| 1.0 / generated(i));
+            let rho = before.chain(chain).product::<f64>() * bridge.k * suffix[bridge.b] * scale;
+            add(technique, rho * multipliers.of(technique));
+        }
         let mut prefix = 1.0;
         for (technique, &behind) in suffix.iter().enumerate() {
             let emitted = path.pf(0) / generated(0);
@@ -422,7 +522,7 @@ fn add_columns(
             };
             add(
                 Join(technique),
-                multipliers.of(Join(technique)) * first * prefix * behind,
+                multipliers.of(Join(technique)) * first * prefix * behind * scale,
             );
             if technique >= 1 && technique < n {
                 let merging = multipliers.of(Merge(technique));

@@ -5,7 +5,7 @@ use super::density::{Column, Edge, EdgeDensity, NO_COLUMN, PathView, VertexDensi
 use super::merge::{MergeSide, is_separable, merge_factors, side_terms};
 use super::mis::{Multipliers, Technique, denominator, for_each_term, merge_denominator};
 use super::regularize::Cone;
-use super::strategies::{Merge, MergeRule, StrategySet};
+use super::strategies::{Aims, Merge, MergeRule, StrategySet};
 use crate::bsdf::Label;
 use crate::math::hash::{random_bits, unit_f64};
 use crate::scene::settings::{Heuristic, SingleRule};
@@ -202,6 +202,8 @@ impl FullPath {
             edge,
             direct: self.direct,
             hittable_light: self.hittable_light,
+            bridges: [None; 2],
+            made: None,
         })
     }
 
@@ -273,6 +275,7 @@ fn every(disabled: &BTreeSet<(u32, u32)>) -> StrategySet<'_> {
         cone: None,
         single: None,
         bias_weight: 1.0,
+        aims: Aims::NONE,
         disabled,
     }
 }

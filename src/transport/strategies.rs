@@ -26,6 +26,38 @@ pub struct Merge {
     pub alone: bool,
 }
 
+/// Which chains are solved for, and from where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Aims {
+    /// Camera vertices aim at lights.
+    pub light: bool,
+    /// Light vertices aim at the sensor.
+    pub sensor: bool,
+    /// Starts on lights aim at the sensor.
+    pub through: bool,
+    /// At lights also from vertices that the sensor sees directly: else only through what is specular.
+    pub light_everywhere: bool,
+    /// At the sensor also from vertices that light reaches directly.
+    pub sensor_everywhere: bool,
+}
+
+impl Aims {
+    /// None at all.
+    pub const NONE: Self = Self {
+        light: false,
+        sensor: false,
+        through: false,
+        light_everywhere: false,
+        sensor_everywhere: false,
+    };
+
+    /// Whether any are made.
+    #[must_use]
+    pub fn any(&self) -> bool {
+        self.light || self.sensor || self.through
+    }
+}
+
 /// The strategies of a pass: what enters the weights besides the path itself.
 #[derive(Clone, Copy, Debug)]
 pub struct StrategySet<'a> {
@@ -57,6 +89,8 @@ pub struct StrategySet<'a> {
     pub single: Option<SingleRule>,
     /// β per regularized vertex on the weight, for paths that also have unbiased strategies.
     pub bias_weight: f64,
+    /// Chains solved for.
+    pub aims: Aims,
     /// Strategies (s, t) that are never executed.
     pub disabled: &'a BTreeSet<(u32, u32)>,
 }
@@ -111,8 +145,11 @@ impl StrategySet<'_> {
     #[must_use]
     #[inline]
     pub fn samples(&self, technique: Technique, n: usize, regularized: bool) -> f64 {
-        let Technique::Join(s) = technique else {
-            return self.merge_samples();
+        let s = match technique {
+            Technique::Join(s) => s,
+            Technique::Merge(_) => return self.merge_samples(),
+            Technique::Bridge(_, b) if b + 1 == n => return self.splat_samples,
+            Technique::Bridge(..) => return 1.0,
         };
         let t = n - s;
         if !self.disabled.is_empty() && self.disabled.contains(&(s as u32, t as u32)) {

@@ -4,7 +4,7 @@ use super::overrides::{Moment, Overrides};
 use super::values;
 use crate::film::Crop;
 use crate::io::layers::Layer;
-use crate::scene::settings::{FilterKind, Heuristic, IntegratorKind, Regularize, Sharing};
+use crate::scene::settings::{Aiming, FilterKind, Heuristic, IntegratorKind, Regularize, Sharing};
 use clap::Args;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -48,6 +48,9 @@ pub struct RenderOptions {
     /// Whether mirrors and smooth glass are connectible within a small cone
     #[arg(long, value_enum, value_name = "MODE")]
     pub regularize: Option<Regularize>,
+    /// Which chains of mirrors and smooth glass are solved for
+    #[arg(long, value_enum, value_name = "WHICH")]
+    pub aim: Option<Aiming>,
     /// Half-aperture of that cone in the first pass in radians, or auto
     #[arg(long, value_name = "RAD", value_parser = values::epsilon)]
     pub epsilon: Option<String>,
@@ -112,6 +115,7 @@ impl RenderOptions {
             ("seed", self.seed.map(|v| v.to_string())),
             ("lanes", self.lanes.clone()),
             ("heuristic", self.heuristic.map(|v| v.to_string())),
+            ("aim", self.aim.map(|v| v.to_string())),
             ("regularize", self.regularize.map(|v| v.to_string())),
             ("epsilon", self.epsilon.clone()),
             ("sharing", self.sharing.map(|v| v.to_string())),

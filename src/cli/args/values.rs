@@ -4,7 +4,7 @@ use crate::film::Crop;
 use crate::io::layers::Layer;
 use crate::math::banding::Axis;
 use crate::math::named::Named;
-use crate::scene::settings::{FilterKind, Heuristic, IntegratorKind, Regularize, Sharing};
+use crate::scene::settings::{Aiming, FilterKind, Heuristic, IntegratorKind, Regularize, Sharing};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 use regex::Regex;
@@ -24,7 +24,14 @@ macro_rules! value_enum {
         })+
     };
 }
-value_enum!(IntegratorKind, Heuristic, Regularize, Sharing, FilterKind);
+value_enum!(
+    Aiming,
+    IntegratorKind,
+    Heuristic,
+    Regularize,
+    Sharing,
+    FilterKind
+);
 
 pub(super) fn key_value(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {

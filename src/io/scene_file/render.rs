@@ -8,8 +8,8 @@ use super::value::{At, Lanes, Length, number};
 use crate::math::named::named;
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
 use crate::scene::settings::{
-    FilterKind, Heuristic, IntegratorKind, Merging, OutputUnits, Regularization, Regularize,
-    Settings, Sharing, SingleRule,
+    Aiming, FilterKind, Heuristic, IntegratorKind, Merging, OutputUnits, Regularization,
+    Regularize, Settings, Sharing, SingleRule,
 };
 use std::f64::consts::FRAC_PI_2;
 use toml::de::DeValue;
@@ -231,6 +231,8 @@ keys! {
         pair_probability: f64, in PROBABILITY, default Settings::default().pair_probability;
         /// Whether mirrors and smooth glass are connectible within a small cone.
         regularize: Regularize, default Regularization::default().mode;
+        /// Which chains of mirrors and smooth glass are solved for.
+        aim: Aiming, default Settings::default().aim;
         /// Half-aperture of the first pass's cone; pass p has ε (p + 1)^(-1/6).
         epsilon: Epsilon, in CONE, unit "radians", default Epsilon(None);
         /// Least half-aperture.
@@ -304,6 +306,7 @@ impl Build for RenderKeys {
                 bias_weight: self.bias_weight,
                 bias_estimate: self.bias_estimate,
             },
+            aim: self.aim,
             merging: Merging {
                 radius: self.merge_radius.map(|radius| radius.0),
                 alpha: self.merge_alpha,

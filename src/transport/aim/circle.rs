@@ -94,10 +94,10 @@ fn stationary(far: FlatEnd, to: DVec2, mut found: impl FnMut(DVec2)) {
     let at = |phi: f64| times(second, turn(-2.0 * phi)).y - times(first, turn(-phi)).y;
     // φ = π + start is where the function is largest of eight, so that no root is near tan(φ/2) = ∞
     let opposite = (0..8)
-        .map(|i| std::f64::consts::TAU * f64::from(i) / 8.0)
+        .map(|i| TAU * f64::from(i) / 8.0)
         .max_by(|&a, &b| at(a).abs().total_cmp(&at(b).abs()))
         .unwrap_or(0.0);
-    let start = opposite - std::f64::consts::PI;
+    let start = opposite - PI;
     let (c2, c1) = (
         times(second, turn(-2.0 * start)),
         times(first, turn(-start)),

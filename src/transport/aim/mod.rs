@@ -18,13 +18,13 @@ mod roots;
 pub mod surface;
 #[cfg(test)]
 mod tests;
+pub mod trail;
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
 use surface::Surface;
 
-/// Most specular vertices of a chain.
-pub const MAX_CHAIN: usize = 4;
+pub use crate::scene::chains::MAX_CHAIN;
 
 /// Positions of the specular vertices, from the light to the sensor.
 pub type Points = ArrayVec<DVec3, MAX_CHAIN>;

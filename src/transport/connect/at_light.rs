@@ -8,6 +8,7 @@ use crate::light::{DirectSample, HitMeasure, LightId};
 use crate::medium::MediumId;
 use crate::sampler::Draw;
 use crate::spectrum::SampledSpectrum;
+use crate::transport::aim::trail::Trail;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Departure, Edge, EdgeDensity, PathView};
 use crate::transport::subpath::{LightHit, Subpath};
@@ -146,7 +147,19 @@ impl Joiner<'_> {
                 edge,
                 direct,
                 hittable_light: true,
+                bridges: [None; 2],
+                made: None,
             },
+            trail: Trail {
+                x0: arrival.x0,
+                light: &[],
+                chain: &[],
+                camera: &camera.vertices[..t - 2],
+                x_sensor: camera.origin,
+            },
+            light: Some(id),
+            bridge: None,
+            lane: 0,
             target: Target::OwnPixel,
         };
         let inverse_eta2 = SampledSpectrum::ONE / self.context.eta_squared(arrival.medium);
@@ -154,7 +167,7 @@ impl Joiner<'_> {
             scale: arrival.throughput.scale,
             lanes: arrival.throughput.lanes * arrival.radiance * inverse_eta2,
         };
-        self.finish(&numerator, &candidate, None);
+        self.finish(&numerator, &candidate, &[]);
     }
 
     /// Draws a point of a light to be joined to `p`.
@@ -182,6 +195,7 @@ impl Joiner<'_> {
         let start = EndStart::new(pf0, Departure::Start(direction));
         let receiver = Receiver::of_light(self.light(drawn.id), &x0, toward);
         let light = End {
+            light: Some(drawn.id),
             drawn: true,
             emission: Some((drawn.sample.value, drawn.probability)),
             direct: drawn.probability * drawn.sample.pdf,

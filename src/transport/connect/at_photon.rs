@@ -34,6 +34,7 @@ fn merged(lanes: [f64; MAX_LANES], j: usize) -> Contribution {
         t: j as u32 + 2,
         regularized: 0,
         merged: true,
+        aimed: false,
         class: PathClass::new(),
     }
 }
@@ -160,6 +161,8 @@ impl Joiner<'_> {
             edge,
             direct: light.direct,
             hittable_light: self.is_hittable(light.light),
+            bridges: [None; 2],
+            made: None,
         };
         let multipliers = Multipliers::new(&view, self.strategies);
         let weights = merge_denominator(

@@ -8,6 +8,7 @@ use crate::geometry::SurfacePoint;
 use crate::light::HitMeasure;
 use crate::medium::MediumId;
 use crate::sampler::Draw;
+use crate::transport::aim::trail::Trail;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Departure, Edge, EdgeDensity, PathView};
 use crate::transport::subpath::{SensorHit, Subpath};
@@ -111,6 +112,7 @@ impl Joiner<'_> {
         let start = EndStart::new(pf0, unseen);
         let cos = x0.cos(toward);
         let end = End {
+            light: Some(id),
             cos,
             emission: Some((radiance, pf0)),
             direct: pf0,
@@ -169,14 +171,26 @@ impl Joiner<'_> {
                 edge,
                 direct,
                 hittable_light: self.is_hittable(light.light),
+                bridges: [None; 2],
+                made: None,
             },
+            trail: Trail {
+                x0: light.origin,
+                light: &light.vertices[..hit.depth],
+                chain: &[],
+                camera: &[],
+                x_sensor: hit.x_sensor,
+            },
+            light: light.light,
+            bridge: None,
+            lane: 0,
             target: Target::Splat(hit.raster),
         };
         let numerator = Numerator {
             scale: hit.throughput.scale * hit.importance,
             lanes: hit.throughput.lanes,
         };
-        self.finish(&numerator, &candidate, None);
+        self.finish(&numerator, &candidate, &[]);
         self.scratch.arrival = arrival;
     }
 

@@ -8,12 +8,13 @@
 use super::{Candidate, Joiner, Numerator};
 use crate::bsdf::Label;
 use crate::geometry::{EndPoint, Ray};
-use crate::light::{HitMeasure, Light};
+use crate::light::{HitMeasure, Light, LightId};
 use crate::medium::Region;
 use crate::spectrum::SampledSpectrum;
+use crate::transport::aim::trail::Trail;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Column, Departure, Edge, EdgeDensity, PathView, VertexDensity};
-use crate::transport::subpath::Subpath;
+use crate::transport::subpath::{Subpath, Vertex};
 use crate::transport::throughput::Throughput;
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -80,12 +81,12 @@ pub(super) struct EndLabel {
     pub label: Label,
     dispersive: bool,
     /// `g`; `A g` of a specular label; 1 of an end point.
-    kernel: SampledSpectrum,
+    pub kernel: SampledSpectrum,
     /// Density of the direction along the edge, given the one to the vertex before; the label's
     /// probability of a specular one.
-    across: Departure,
+    pub across: Departure,
     /// Density of the direction to the vertex before, given the one along the edge.
-    behind: EdgeDensity,
+    pub behind: EdgeDensity,
 }
 
 /// The labels that an end is tried under: at most the non-specular one and the specular one that
@@ -115,6 +116,11 @@ impl EndStart {
 
 /// An end of a joining edge.
 pub(super) struct End<'p> {
+    /// Scattering vertices of the sub-path up to here, and its start.
+    pub vertices: &'p [Vertex],
+    pub start: EndPoint,
+    /// The light it starts on.
+    pub light: Option<LightId>,
     /// Densities of the sub-path up to here.
     pub path: &'p [VertexDensity],
     pub columns: &'p [Column],
@@ -149,6 +155,9 @@ impl<'p> End<'p> {
     /// An end point of weight 1.
     pub fn start(start: &'p EndStart, point: EndPoint, region: Region, receiver: Receiver) -> Self {
         Self {
+            vertices: &[],
+            start: point,
+            light: None,
             path: std::slice::from_ref(&start.density),
             columns: &[],
             labels: std::slice::from_ref(&start.label),
@@ -201,6 +210,9 @@ impl Joiner<'_> {
             None => (vertex.shading_cos(w), 1.0),
         };
         End {
+            vertices: &path.vertices[..=i],
+            start: path.origin,
+            light: path.light,
             path: &path.densities[..i + 2],
             columns: &path.columns,
             labels,
@@ -322,6 +334,8 @@ impl Joiner<'_> {
                 },
                 direct: light.direct,
                 hittable_light: light.hittable,
+                bridges: [None; 2],
+                made: None,
             };
             let numerator = Numerator {
                 scale,
@@ -332,12 +346,21 @@ impl Joiner<'_> {
                     * value
                     * transmittance,
             };
-            let target = camera.target;
-            self.finish(
-                &numerator,
-                &Candidate { view, target },
-                Some((&ray, &from.region)),
-            );
+            let candidate = Candidate {
+                view,
+                trail: Trail {
+                    x0: light.start,
+                    light: light.vertices,
+                    chain: &[],
+                    camera: camera.vertices,
+                    x_sensor: camera.start,
+                },
+                light: light.light,
+                bridge: None,
+                lane: 0,
+                target: camera.target,
+            };
+            self.finish(&numerator, &candidate, &[(ray, from.region)]);
         }
     }
 }

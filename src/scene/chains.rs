@@ -1,0 +1,351 @@
+//! Chains of smooth surfaces that can be solved for: which there are in a scene.
+//!
+//! A chain runs from the light to the sensor and names each surface, whether it reflects or transmits, and the regions
+//! on both sides of it. Listed are single mirrors and interfaces, balls crossed in one or two chords, and flat faces in a
+//! row.
+
+use super::{Scene, probe};
+use crate::geometry::{AccelAt, InstanceId, Placement, Placements, Shape, SurfaceId};
+use crate::medium::{MediumId, Region};
+use arrayvec::ArrayVec;
+use glam::DVec3;
+
+/// Most specular vertices of a chain.
+pub const MAX_CHAIN: usize = 4;
+/// Most kinds of chains listed.
+pub const MOST_KINDS: usize = 4096;
+/// Most faces looked at.
+const MOST_FACES: usize = 256;
+
+/// A specular vertex of a kind of chain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChainLink {
+    /// The face.
+    pub id: SurfaceId,
+    /// Transmits; else reflects.
+    pub transmits: bool,
+    /// The segment on the light side is on the side that the normal points to.
+    pub from_above: bool,
+    /// The regions above and below the normal.
+    pub regions: [Region; 2],
+}
+
+impl ChainLink {
+    /// Region of the segment on the light side.
+    #[must_use]
+    pub fn before(&self) -> Region {
+        self.regions[usize::from(!self.from_above)]
+    }
+
+    /// Region of the segment on the sensor side.
+    #[must_use]
+    pub fn after(&self) -> Region {
+        self.regions[usize::from(self.from_above == self.transmits)]
+    }
+}
+
+/// A kind of chain, from the light to the sensor.
+pub type ChainKind = ArrayVec<ChainLink, MAX_CHAIN>;
+
+/// The kinds of chains of a scene.
+#[derive(Clone, Debug, Default)]
+pub struct Chains {
+    kinds: Vec<ChainKind>,
+    /// (hash, kind), sorted.
+    index: Vec<(u64, u32)>,
+    left_out: usize,
+}
+
+/// A face with what it can do.
+struct Face {
+    id: SurfaceId,
+    shape: FaceShape,
+    reflects: bool,
+    transmits: bool,
+    regions: Vec<[Region; 2]>,
+    /// Points on it, in the world, and its normal at the first.
+    points: Vec<DVec3>,
+    normal: DVec3,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum FaceShape {
+    Flat,
+    Ball,
+    Tube,
+}
+
+/// Points of face `prim` with their normals, in object space.
+fn samples(shape: &Shape, prim: u32) -> Vec<(DVec3, DVec3)> {
+    let square = [
+        (0.0, 0.0),
+        (0.9, 0.9),
+        (-0.9, 0.9),
+        (0.9, -0.9),
+        (-0.9, -0.9),
+    ];
+    let round = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)];
+    match shape {
+        Shape::Sphere => [1.0, -1.0]
+            .into_iter()
+            .flat_map(|s| DVec3::AXES.map(|a| (a * s, a * s)))
+            .collect(),
+        Shape::Cylinder => [-0.9, 0.9]
+            .into_iter()
+            .flat_map(|z| round.map(|(x, y)| (DVec3::new(x, y, z), DVec3::new(x, y, 0.0))))
+            .collect(),
+        Shape::Quad => square
+            .map(|(x, y)| (DVec3::new(x, y, 0.0), DVec3::Z))
+            .into(),
+        Shape::Disk { inner } => {
+            let r = 0.5 * (inner + 1.0);
+            round
+                .map(|(x, y)| (DVec3::new(x, y, 0.0) * r, DVec3::Z))
+                .into()
+        }
+        Shape::Box => {
+            let Some(n) = shape.face_normal(prim) else {
+                return Vec::new();
+            };
+            let (u, v) = n.any_orthonormal_pair();
+            square.map(|(x, y)| (n + u * x + v * y, n)).into()
+        }
+        Shape::Mesh(_) | Shape::Deforming(_) => Vec::new(),
+    }
+}
+
+impl Face {
+    fn new(
+        scene: &Scene,
+        geometry: &AccelAt,
+        id: SurfaceId,
+        placement: &Placement,
+    ) -> Option<Self> {
+        let object = scene.object(id.instance);
+        let material = scene.material(object.material);
+        let [reflects, transmits] = material.smooth_labels()?;
+        let shape = &geometry.accel().instance(id.instance).shape;
+        let local = samples(shape, id.prim);
+        let world = |&(p, n): &(DVec3, DVec3)| {
+            (
+                placement.to_world.transform_point3(p),
+                placement.normal_to_world(n),
+            )
+        };
+        let points: Vec<(DVec3, DVec3)> = local.iter().map(world).collect();
+        let mut regions: Vec<[Region; 2]> = Vec::new();
+        for &(p, n) in &points {
+            let ambient = MediumId::AMBIENT;
+            let Some(above) = probe::stack_at(geometry, &scene.objects, p, n, Some(id), ambient)
+            else {
+                continue;
+            };
+            let Some(below) = above.crossed(object.boundary, id.instance, true) else {
+                continue;
+            };
+            let pair = [above.region(), below.region()];
+            if !regions.contains(&pair) {
+                regions.push(pair);
+            }
+        }
+        Some(Self {
+            id,
+            shape: match shape {
+                Shape::Sphere => FaceShape::Ball,
+                Shape::Cylinder => FaceShape::Tube,
+                _ => FaceShape::Flat,
+            },
+            reflects,
+            transmits,
+            regions,
+            normal: points.first()?.1,
+            points: points.into_iter().map(|p| p.0).collect(),
+        })
+    }
+
+    /// Every way to be a vertex of a chain under one label.
+    fn links(&self, transmits: bool) -> impl Iterator<Item = ChainLink> {
+        let can = if transmits {
+            self.transmits
+        } else {
+            self.reflects
+        };
+        let bends = move |r: &&[Region; 2]| !transmits || r[0].medium != r[1].medium;
+        let pairs = self.regions.iter().filter(bends).filter(move |_| can);
+        pairs.flat_map(move |&regions| {
+            [true, false].map(|from_above| ChainLink {
+                id: self.id,
+                transmits,
+                from_above,
+                regions,
+            })
+        })
+    }
+
+    /// Whether light can go from this flat face, left on the side `above`, straight to a point of another one that
+    /// meets it on the side `met_above`.
+    fn faces(&self, above: bool, other: &Self, met_above: bool) -> bool {
+        let is_before = |from: &Self, p: &DVec3, above: bool| {
+            let height = (*p - from.points[0]).dot(from.normal);
+            if above { height > 0.0 } else { height < 0.0 }
+        };
+        other.points.iter().any(|p| is_before(self, p, above))
+            && self.points.iter().any(|p| is_before(other, p, met_above))
+    }
+}
+
+impl Chains {
+    /// All chains of a scene that can be solved for.
+    #[must_use]
+    pub fn of(scene: &Scene) -> Self {
+        let mut placements = Placements::default();
+        let opening = scene.sensors.first().map_or(0.0, |s| s.shutter.open_s);
+        let geometry = scene.at(opening, &mut placements).geometry;
+        let mut faces = Vec::new();
+        for (i, instance) in scene.accel.instances().iter().enumerate() {
+            let object = &scene.objects[i];
+            let is_mirror_or_glass = object.light.is_none() && object.sensor.is_none();
+            if !is_mirror_or_glass || object.has_alpha {
+                continue;
+            }
+            let placement = instance.transform.at(geometry.moment());
+            let prims = if matches!(instance.shape, Shape::Box) {
+                6
+            } else {
+                1
+            };
+            for prim in 0..prims {
+                let instance = InstanceId(i as u32);
+                let id = SurfaceId { instance, prim };
+                faces.extend(Face::new(scene, &geometry, id, &placement));
+            }
+            if faces.len() >= MOST_FACES {
+                break;
+            }
+        }
+        let mut chains = Self::default();
+        chains.singles(&faces);
+        chains.balls(&faces);
+        let flat: Vec<&Face> = faces
+            .iter()
+            .filter(|f| f.shape == FaceShape::Flat)
+            .collect();
+        for length in 2..=MAX_CHAIN {
+            chains.rows(&flat, length, &mut ChainKind::new(), None);
+        }
+        chains.index = (0u32..)
+            .zip(&chains.kinds)
+            .map(|(i, k)| (hash(k), i))
+            .collect();
+        chains.index.sort_unstable();
+        chains
+    }
+
+    fn push(&mut self, kind: ChainKind) {
+        if self.kinds.len() < MOST_KINDS {
+            self.kinds.push(kind);
+        } else {
+            self.left_out += 1;
+        }
+    }
+
+    fn singles(&mut self, faces: &[Face]) {
+        for face in faces {
+            for link in face.links(false) {
+                self.push(ChainKind::from_iter([link]));
+            }
+            if face.shape != FaceShape::Tube {
+                for link in face.links(true) {
+                    self.push(ChainKind::from_iter([link]));
+                }
+            }
+        }
+    }
+
+    fn balls(&mut self, faces: &[Face]) {
+        for face in faces.iter().filter(|f| f.shape == FaceShape::Ball) {
+            for enter in face.links(true).filter(|l| l.from_above) {
+                for leave in face.links(true).filter(|l| !l.from_above) {
+                    if enter.after() != leave.before()
+                        || enter.before().medium != leave.after().medium
+                    {
+                        continue;
+                    }
+                    self.push(ChainKind::from_iter([enter, leave]));
+                    let inner = |l: &ChainLink| !l.from_above && l.before() == enter.after();
+                    for turn in face.links(false).filter(inner) {
+                        self.push(ChainKind::from_iter([enter, turn, leave]));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Flat faces in a row. Of reflections only those of mirrors: glass sends little back.
+    fn rows(
+        &mut self,
+        faces: &[&Face],
+        length: usize,
+        so_far: &mut ChainKind,
+        last: Option<&Face>,
+    ) {
+        if so_far.len() == length {
+            self.push(so_far.clone());
+            return;
+        }
+        if self.left_out > MOST_KINDS {
+            return;
+        }
+        for face in faces {
+            for link in face.links(true).chain(face.links(false)) {
+                if !link.transmits && face.transmits {
+                    continue;
+                }
+                if let (Some(before), Some(from)) = (so_far.last(), last) {
+                    let left_above = before.from_above != before.transmits;
+                    if from.id == face.id
+                        || before.after() != link.before()
+                        || !from.faces(left_above, face, link.from_above)
+                    {
+                        continue;
+                    }
+                }
+                so_far.push(link);
+                self.rows(faces, length, so_far, Some(face));
+                so_far.pop();
+            }
+        }
+    }
+
+    /// The kinds, by index.
+    #[must_use]
+    pub fn kinds(&self) -> &[ChainKind] {
+        &self.kinds
+    }
+
+    /// Kinds that found no place in the list; a lower bound.
+    #[must_use]
+    pub fn left_out(&self) -> usize {
+        self.left_out
+    }
+
+    /// Whether these links are a listed kind.
+    #[must_use]
+    pub fn contains(&self, links: &[ChainLink]) -> bool {
+        let key = hash(links);
+        let first = self.index.partition_point(|e| e.0 < key);
+        self.index[first..]
+            .iter()
+            .take_while(|e| e.0 == key)
+            .any(|e| self.kinds[e.1 as usize].as_slice() == links)
+    }
+}
+
+fn hash(links: &[ChainLink]) -> u64 {
+    use crate::math::hash::combine;
+    links.iter().fold(links.len() as u64, |h, link| {
+        let face = u64::from(link.id.instance.0) << 32 | u64::from(link.id.prim);
+        let labels = u64::from(link.transmits) | u64::from(link.from_above) << 1;
+        combine(combine(h, face), labels)
+    })
+}

@@ -1,0 +1,226 @@
+//! A finished path as a list of places, and the bridges that could have made it.
+
+use super::{Bounce, Far, MAX_CHAIN, differential, is_solvable, surface::Surface};
+use crate::geometry::{EndPoint, SurfaceId};
+use crate::light::LightKind;
+use crate::medium::Region;
+use crate::scene::chains::{ChainKind, ChainLink};
+use crate::transport::context::PathContext;
+use crate::transport::density::{Bridge, PathView};
+use crate::transport::strategies::StrategySet;
+use crate::transport::subpath::Vertex;
+use arrayvec::ArrayVec;
+use glam::DVec3;
+
+/// Where a scattering vertex is.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// Position.
+    pub p: DVec3,
+    /// Unit geometric normal.
+    pub ng: DVec3,
+    /// Face and instance.
+    pub id: SurfaceId,
+    /// The media on the side the normal points to, and on the other.
+    pub regions: [Region; 2],
+}
+
+impl From<&Vertex> for Place {
+    fn from(vertex: &Vertex) -> Self {
+        Self {
+            p: vertex.p,
+            ng: vertex.ng,
+            id: vertex.id,
+            regions: vertex.regions,
+        }
+    }
+}
+
+/// The places of a path from the light to the sensor.
+#[derive(Clone, Copy, Debug)]
+pub struct Trail<'p> {
+    /// x₀.
+    pub x0: EndPoint,
+    /// Vertices from the light, in their order.
+    pub light: &'p [Vertex],
+    /// Those of a chain solved for.
+    pub chain: &'p [Place],
+    /// Vertices from the sensor, in their order.
+    pub camera: &'p [Vertex],
+    /// The end on the sensor.
+    pub x_sensor: EndPoint,
+}
+
+impl Trail<'_> {
+    /// Scattering vertex i of the path, 1 <= i < n − 1.
+    fn place(&self, i: usize) -> Place {
+        let i = i - 1;
+        if let Some(vertex) = self.light.get(i) {
+            return vertex.into();
+        }
+        let i = i - self.light.len();
+        match self.chain.get(i) {
+            Some(place) => *place,
+            None => (&self.camera[self.camera.len() - 1 - (i - self.chain.len())]).into(),
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.light.len() + self.chain.len() + self.camera.len() + 2
+    }
+
+    fn position(&self, i: usize) -> DVec3 {
+        match i {
+            0 => self.x0.p,
+            _ if i + 1 == self.len() => self.x_sensor.p,
+            _ => self.place(i).p,
+        }
+    }
+
+    fn far(&self, a: usize) -> Far {
+        if a == 0 && self.x0.infinite {
+            Far::Direction(-self.x0.n)
+        } else {
+            Far::Point(self.position(a))
+        }
+    }
+}
+
+/// Vertices of a chain as solvers want them, and the indices of its segments.
+pub type Placed = (
+    ArrayVec<Bounce, MAX_CHAIN>,
+    ArrayVec<f64, { MAX_CHAIN + 1 }>,
+);
+
+/// A kind of chain at the moment and at the wavelength of `lane` of a path; `None` where a shape is out of round.
+#[must_use]
+pub fn place(context: &PathContext, kind: &[ChainLink], lane: usize) -> Option<Placed> {
+    let index = |region: Region| context.medium(region.medium).eta[lane];
+    let (mut bounces, mut eta) = (ArrayVec::new(), ArrayVec::new());
+    eta.push(index(kind.first()?.before()));
+    for link in kind {
+        let instance = context.scene.accel.instance(link.id.instance);
+        let placement = instance.transform.at(context.moment());
+        bounces.push(Bounce {
+            surface: Surface::of(instance, link.id.prim, &placement)?,
+            transmits: link.transmits,
+            from_above: link.from_above,
+        });
+        eta.push(index(link.after()));
+    }
+    is_solvable(&bounces, &eta).then_some((bounces, eta))
+}
+
+/// Whether a chain bends each wavelength its own way.
+#[must_use]
+pub fn is_dispersive(context: &PathContext, kind: &[ChainLink]) -> bool {
+    let disperses =
+        |link: &ChainLink| link.transmits && context.interface(&link.regions).dispersive;
+    kind.iter().any(disperses)
+}
+
+/// Whether chains to a light of this kind are solved for.
+#[must_use]
+pub fn is_aimed_at(kind: &LightKind) -> bool {
+    match kind {
+        LightKind::Area(_)
+        | LightKind::Point(_)
+        | LightKind::Spot(_)
+        | LightKind::Directional(_) => true,
+        LightKind::Beam(_) | LightKind::Environment(_) => false,
+    }
+}
+
+/// The bridges of a path: of the chain at its light and of that at its sensor, where they are tried. `light` is what it
+/// starts from; `lane` is the wavelength whose path this is.
+#[must_use]
+pub fn bridges(
+    context: &PathContext,
+    strategies: &StrategySet,
+    view: &PathView,
+    trail: &Trail,
+    light: &LightKind,
+    lane: usize,
+) -> [Option<Bridge>; 2] {
+    let n = view.len();
+    let none = [None; 2];
+    if n < 3 || context.scene.chains.kinds().is_empty() {
+        return none;
+    }
+    let aims = &strategies.aims;
+    let specular = |i: usize| (1..n - 1).contains(&i) && view.is_specular(i);
+    let aimed = is_aimed_at(light);
+    let bridge = |a: usize, b: usize, samples: f64, wanted: &dyn Fn(&ChainKind) -> bool| {
+        let kind = links(trail, light, a, b)?;
+        if !context.scene.chains.contains(&kind) || !wanted(&kind) {
+            return None;
+        }
+        let (bounces, eta) = place(context, &kind, lane)?;
+        let k = factor(trail, a, b, &bounces, &eta);
+        Some(Bridge { a, b, k, samples })
+    };
+    let always = |_: &ChainKind| true;
+    let splats = strategies.splat_samples;
+    let first = (1..n).find(|&i| !specular(i)).unwrap_or(n - 1);
+    if first == n - 1 {
+        let through = aims.through && matches!(light, LightKind::Area(_));
+        let found = through.then(|| bridge(0, n - 1, splats, &always));
+        return [found.flatten(), None];
+    }
+    let last = (0..n - 1).rev().find(|&i| !specular(i)).unwrap_or(0);
+    let at_light =
+        aims.light && aimed && first >= 2 && (aims.light_everywhere || specular(first + 1));
+    let at_sensor = aims.sensor && last + 2 < n;
+    let near = aims.sensor_everywhere || specular(last - 1);
+    let wanted = |kind: &ChainKind| near || context.count() > 1 && is_dispersive(context, kind);
+    [
+        at_light.then(|| bridge(0, first, 1.0, &always)).flatten(),
+        at_sensor
+            .then(|| bridge(last, n - 1, splats, &wanted))
+            .flatten(),
+    ]
+}
+
+/// The links of the chain between x_a and x_b; `None` where it is too long.
+fn links(trail: &Trail, light: &LightKind, a: usize, b: usize) -> Option<ChainKind> {
+    if b - a - 1 > MAX_CHAIN || a == 0 && !is_aimed_at(light) {
+        return None;
+    }
+    let far = trail.far(a);
+    let link = |i: usize| {
+        let place = trail.place(i);
+        let toward_light = if i == a + 1 {
+            far.direction_from(place.p)
+        } else {
+            trail.position(i - 1) - place.p
+        };
+        let toward_sensor = trail.position(i + 1) - place.p;
+        let from_above = toward_light.dot(place.ng) > 0.0;
+        ChainLink {
+            id: place.id,
+            transmits: (toward_sensor.dot(place.ng) > 0.0) != from_above,
+            from_above,
+            regions: place.regions,
+        }
+    };
+    Some((a + 1..b).map(link).collect())
+}
+
+/// K of a chain: its density where specular vertices leave out 1/A, over its true one. [theory (8.1)]
+fn factor(trail: &Trail, a: usize, b: usize, bounces: &[Bounce], eta: &[f64]) -> f64 {
+    let far = trail.far(a);
+    let points: ArrayVec<DVec3, MAX_CHAIN> = (a + 1..b).map(|i| trail.place(i).p).collect();
+    let jacobian = differential::jacobian(bounces, &points, eta, &far, trail.position(b));
+    // of the segment at x_a the cosine is in both
+    let mut product = match far {
+        Far::Point(x) => 1.0 / x.distance_squared(points[0]),
+        Far::Direction(_) => 1.0,
+    };
+    for i in a + 1..b {
+        let place = trail.place(i);
+        let step = trail.position(i + 1) - place.p;
+        let d2 = step.length_squared();
+        product *= step.dot(place.ng).abs() / (d2 * d2.sqrt());
+    }
+    product / jacobian
+}
