@@ -4,12 +4,15 @@ use super::args::InfoOptions;
 use super::usage::bytes_text;
 use super::{CliError, Outcome, glass, print, summary};
 use crate::geometry::{Shape, Shutter};
+use crate::integrator::aims;
 use crate::io::loaded::{Loaded, load};
 use crate::render::OutputRequest;
 use crate::render::memory::{film_bytes, geometry_bytes, texture_bytes};
+use crate::scene::chains::ChainLink;
 use crate::scene::effects::Effect;
 use crate::scene::moving::Moving;
 use crate::scene::regularization::decide;
+use crate::scene::settings::Aiming;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -39,6 +42,47 @@ fn effects(loaded: &Loaded) -> Vec<Effect> {
         .cloned()
         .chain(sensors.map(decided))
         .collect()
+}
+
+/// Kinds of chains told.
+const TOLD_CHAINS: usize = 20;
+
+/// The chains that a render with `aim` solves for: by objects and labels (T transmits, R reflects) from the light to the
+/// sensor, with the number of kinds; nothing with `aim = "off"`.
+fn chains(loaded: &Loaded) -> String {
+    let (scene, settings) = (&loaded.scene, &loaded.settings);
+    let aims = aims(settings, scene, 0);
+    if settings.aim == Aiming::Off {
+        return String::new();
+    }
+    let mut kinds: BTreeMap<String, usize> = BTreeMap::new();
+    for kind in scene.chains.kinds() {
+        let name = |link: &ChainLink| {
+            let label = if link.transmits { "T" } else { "R" };
+            format!("{label} {}", scene.object(link.id.instance).name)
+        };
+        let names: Vec<String> = kind.iter().map(name).collect();
+        *kinds.entry(names.join(", ")).or_default() += 1;
+    }
+    let all: usize = kinds.values().sum();
+    let why = if !aims.any() {
+        "not used: the integrator merges, or nothing smooth has a shape that is solved for"
+    } else if settings.aim == Aiming::All {
+        "used from every vertex"
+    } else {
+        "used for what is lit and seen through smooth surfaces, for what disperses, and for lights seen through them"
+    };
+    let mut text = format!(
+        "chains\n  {all} kinds, {} more left out; {why}\n",
+        scene.chains.left_out()
+    );
+    for (name, count) in kinds.iter().take(TOLD_CHAINS) {
+        _ = writeln!(text, "  {count:>5}  {name}");
+    }
+    if kinds.len() > TOLD_CHAINS {
+        _ = writeln!(text, "  and {} more", kinds.len() - TOLD_CHAINS);
+    }
+    text
 }
 
 /// Numbers of objects by kind of shape, detectors left out.
@@ -166,6 +210,7 @@ fn to_text(loaded: &Loaded) -> String {
         text.push('\n');
     }
     text += &summary::effects(&effects(loaded));
+    text += &chains(loaded);
     let (films, meshes) = (films_bytes(loaded), geometry_bytes(scene));
     let images = scene.images();
     _ = writeln!(

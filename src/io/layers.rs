@@ -52,10 +52,9 @@ pub fn add(image: &mut ExrImage, layers: &[Layer], render: &Render, guides: &[Gu
                     continue;
                 };
                 // a poisoned lock means that a render thread has panicked, and so has this one
-                for ((s, t, merged), film) in
+                for ((s, t, mark), film) in
                     films.read().unwrap_or_else(PoisonError::into_inner).iter()
                 {
-                    let mark = if *merged { "merged" } else { "" };
                     channels.extend(layer_channels(&format!("s{s}t{t}{mark}"), film, passes));
                 }
             }

@@ -38,7 +38,7 @@ impl Default for OutputRequest {
 }
 
 /// Images by (s, t, whether it is a merge).
-pub type StrategyFilms = BTreeMap<(u32, u32, bool), Film>;
+pub type StrategyFilms = BTreeMap<(u32, u32, &'static str), Film>;
 
 /// The images a render keeps.
 #[derive(Debug)]
@@ -161,7 +161,7 @@ impl Outputs {
         let Some(strategies) = &self.strategies else {
             return;
         };
-        let key = (contribution.s, contribution.t, contribution.merged);
+        let key = (contribution.s, contribution.t, contribution.mark());
         {
             // a poisoned lock means another thread is already unwinding; the sums stay consistent
             let films = strategies.read().unwrap_or_else(PoisonError::into_inner);

@@ -36,3 +36,17 @@ pub struct Contribution {
     /// Labels of the vertices; empty where nothing is kept by class.
     pub class: PathClass,
 }
+
+impl Contribution {
+    /// What sets techniques of the same (s, t) apart in names of layers: nothing for joins.
+    #[must_use]
+    pub fn mark(&self) -> &'static str {
+        if self.merged {
+            "merged"
+        } else if self.aimed {
+            "aimed"
+        } else {
+            ""
+        }
+    }
+}

@@ -307,7 +307,7 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
     }
 }
 
-/// `P̃_Bridge/P̃` of a bridge of the path for the technique that made it. [theory (8.4)]
+/// `P̃_Bridge/P̃` of a bridge of the path for the technique that made it. [theory (9.4)]
 fn bridge_ratio(path: &PathView, bridge: &Bridge) -> f64 {
     let made = path.made.as_ref();
     if made.is_some_and(|made| (made.a, made.b) == (bridge.a, bridge.b)) {
@@ -327,7 +327,7 @@ fn bridge_ratio(path: &PathView, bridge: &Bridge) -> f64 {
     rho
 }
 
-/// The terms of all joints of a path that a bridge made. [theory (8.5)]
+/// The terms of all joints of a path that a bridge made. [theory (9.5)]
 fn joins_around(multipliers: &Multipliers, bridge: &Bridge, mut term: impl FnMut(Technique, f64)) {
     use Technique::Join;
     let path = multipliers.path;

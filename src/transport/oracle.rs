@@ -1,7 +1,7 @@
 //! The weights by definition: every strategy's density as a plain product, nothing shared, nothing
 //! cancelled. Slow; checks `mis.rs`.
 
-use super::density::{Column, Edge, EdgeDensity, NO_COLUMN, PathView, VertexDensity};
+use super::density::{Bridge, Column, Edge, EdgeDensity, NO_COLUMN, PathView, VertexDensity};
 use super::merge::{MergeSide, is_separable, merge_factors, side_terms};
 use super::mis::{Multipliers, Technique, denominator, for_each_term, merge_denominator};
 use super::regularize::Cone;
@@ -11,6 +11,8 @@ use crate::math::hash::{random_bits, unit_f64};
 use crate::scene::settings::{Heuristic, SingleRule};
 use crate::spectrum::{MAX_LANES, SampledWavelengths, WavelengthDistribution};
 use std::collections::BTreeSet;
+
+mod bridges;
 
 /// All densities of a finished path, from both sides and for every lane.
 struct FullPath {
@@ -22,6 +24,9 @@ struct FullPath {
     /// Of the edge before each vertex.
     lengths: Vec<f32>,
     hittable_light: bool,
+    /// Chains solved for, and the one that made the path.
+    bridges: [Option<Bridge>; 2],
+    made: Option<Bridge>,
 }
 
 struct Random {
@@ -85,6 +90,8 @@ fn random_path(random: &mut Random, n: usize, columns: bool, zeros: f64) -> Full
         dispersive,
         lengths,
         hittable_light,
+        bridges: [None; 2],
+        made: None,
     }
 }
 
@@ -202,8 +209,8 @@ impl FullPath {
             edge,
             direct: self.direct,
             hittable_light: self.hittable_light,
-            bridges: [None; 2],
-            made: None,
+            bridges: self.bridges,
+            made: self.made,
         })
     }
 
@@ -232,6 +239,9 @@ impl FullPath {
             .collect();
         let unbiased = possible.iter().any(|&s| self.regularized(s) == 0)
             || strategies.merge_samples() > 0.0 && self.is_mergeable();
+        if strategies.cone.is_some() && self.bridges.iter().any(Option::is_some) {
+            return plain(s) * f64::from(u8::from(self.regularized(s) == 0));
+        }
         let preference = match strategies.single.filter(|_| strategies.cone.is_some()) {
             None if unbiased && strategies.cone.is_some() => {
                 strategies.bias_weight.powi(self.regularized(s))

@@ -190,6 +190,11 @@ fn one_batch(
         0,
         "surfaces met from the wrong medium"
     );
+    assert_eq!(
+        render.counters().lost_bridges,
+        0,
+        "chains solved for that their own paths do not count"
+    );
     let pixels = crop.pixels() as f64;
     let mean_y = |film: &abbe::film::Film| {
         film.image(u64::from(passes))

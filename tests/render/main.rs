@@ -8,6 +8,7 @@
 #[path = "../support/gltf.rs"]
 mod gltf;
 
+mod aims;
 mod animated;
 mod closed_forms;
 mod determinism;

@@ -91,9 +91,14 @@ impl Ball {
             let slope = a.1 + b.1 - 2.0 * kappa * at.1 / inner;
             (a.0 + b.0 + kappa * chord(theta), slope)
         };
-        let slope = |theta: f64| turned(theta).1;
-        let lowest = if slope(0.0) < 0.0 {
-            bisect(slope, 0.0, FRAC_PI_2)
+        // by the cosine, which is all that it depends on
+        let slope = |c: f64| {
+            let end = |k: f64, rest: f64| k * c / (rest + k * k * c * c).sqrt();
+            let inner = ((n - 1.0) * (n + 1.0) + c * c).sqrt();
+            2.0 - end(k_a, rest_a) - end(k_b, rest_b) - 2.0 * kappa * c / inner
+        };
+        let lowest = if slope(1.0) < 0.0 {
+            2.0 * (0.5 * bisect(|x| slope(1.0 - x), 0.0, 1.0)).sqrt().asin()
         } else {
             0.0
         };
@@ -202,7 +207,8 @@ impl Ball {
 /// Where a function that is below 0 at `low` stops to be, once.
 fn bisect(f: impl Fn(f64) -> f64, low: f64, high: f64) -> f64 {
     let (mut a, mut b) = (low, high);
-    for _ in 0..60 {
+    // the value there is off by the square of this
+    for _ in 0..32 {
         let middle = 0.5 * (a + b);
         if f(middle) < 0.0 {
             a = middle;

@@ -54,6 +54,9 @@ pub(super) fn solve(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3) -> Op
         problem.origins.push(foot);
         problem.tangents.push(normal.any_orthonormal_pair().into());
     }
+    if is_shortest_over_edge(bounces, eta, &problem.far, to) {
+        return None;
+    }
     let mut z = [0.0; MOST];
     let mut points = problem.descend(&mut z);
     if points.is_none() {
@@ -143,11 +146,11 @@ impl Problem<'_> {
                     break;
                 }
                 share *= 0.5;
-                if share < 1e-10 {
+                if share < 1e-6 {
                     break;
                 }
             }
-            if share < 1e-10 {
+            if share < 1e-6 {
                 break;
             }
             if share == 1.0 && longest <= 4.0 * f64::EPSILON * size {
@@ -237,4 +240,65 @@ fn solve_positive(a: &mut [[f64; MOST]; MOST], b: &mut [f64; MOST], n: usize) ->
         b[i] /= a[i][i];
     }
     true
+}
+
+/// Whether the shortest optical path over two planes leads over the edge where they meet: then it is no chain, and there
+/// is none. There the path is shortest along the edge, and what the segment between the planes would have to carry on
+/// (its index times its direction) is shorter than its index.
+fn is_shortest_over_edge(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3) -> bool {
+    let [
+        Surface::Plane {
+            origin: o1,
+            normal: n1,
+        },
+        Surface::Plane {
+            origin: o2,
+            normal: n2,
+        },
+    ] = (match bounces {
+        [one, two] => [one.surface, two.surface],
+        _ => return false,
+    })
+    else {
+        return false;
+    };
+    let across = n1.cross(n2);
+    let sine2 = across.length_squared();
+    if sine2 < 1e-8 {
+        return false;
+    }
+    // the edge, from the sensor's end
+    let (h1, h2) = ((o1 - to).dot(n1), (o2 - to).dot(n2));
+    let foot = (n2.cross(across) * h1 + across.cross(n1) * h2) / sine2;
+    let along = across / sine2.sqrt();
+    let from_light = |e: DVec3| match *far {
+        Far::Point(x) => (e - x, (e - x).length()),
+        Far::Direction(w) => (-w, 1.0),
+    };
+    // the shortest way over the edge: its slope along the edge rises
+    let mut e = foot;
+    for step in 0.. {
+        let ((v, d), length) = (from_light(e), e.length());
+        let (a, b) = (v.dot(along) / d, e.dot(along) / length);
+        let slope = eta[0] * a + eta[2] * b;
+        let bend = match far {
+            Far::Point(_) => eta[0] * (1.0 - a * a) / d,
+            Far::Direction(_) => 0.0,
+        } + eta[2] * (1.0 - b * b) / length;
+        if slope.abs() < 1e-9 {
+            break;
+        }
+        let change = slope / bend;
+        // far out: the search below decides
+        if step == 12 || change.abs() > 1e3 * (d + length) || !change.is_finite() {
+            return false;
+        }
+        e -= along * change;
+    }
+    let ((v, d), length) = (from_light(e), e.length());
+    let (arriving, leaving) = (v * (eta[0] / d), -e * (eta[2] / length));
+    let (t1, t2) = (n1.cross(along), n2.cross(along));
+    let (c, p1, p2) = (t1.dot(t2), arriving.dot(t1), leaving.dot(t2));
+    let carried = arriving.dot(along).powi(2) + (p1 * p1 + p2 * p2 - 2.0 * c * p1 * p2) / sine2;
+    carried < eta[1] * eta[1] * (1.0 - 1e-6)
 }

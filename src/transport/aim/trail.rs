@@ -206,7 +206,7 @@ fn links(trail: &Trail, light: &LightKind, a: usize, b: usize) -> Option<ChainKi
     Some((a + 1..b).map(link).collect())
 }
 
-/// K of a chain: its density where specular vertices leave out 1/A, over its true one. [theory (8.1)]
+/// K of a chain: its density where specular vertices leave out 1/A, over its true one. [theory (9.1)]
 fn factor(trail: &Trail, a: usize, b: usize, bounces: &[Bounce], eta: &[f64]) -> f64 {
     let far = trail.far(a);
     let points: ArrayVec<DVec3, MAX_CHAIN> = (a + 1..b).map(|i| trail.place(i).p).collect();

@@ -1,0 +1,78 @@
+//! Chains that are solved for: alone, in the sum, and in every lane.
+
+use super::equality::compare;
+use super::harness::{measure, scene, scene_in};
+use abbe::scene::Settings;
+use abbe::scene::settings::Aiming;
+use std::path::Path;
+
+fn aimed(settings: &Settings, aim: Aiming, lanes: usize) -> Settings {
+    Settings {
+        aim,
+        lanes,
+        ..settings.clone()
+    }
+}
+
+/// A dispersive ball between a floor and a small lamp.
+const BALL: &str = r#"
+    [render]
+    max_depth = 5
+    filter = "box"
+    [[sensor]]
+    name = "camera"
+    resolution = [24, 18]
+    perspective = { eye = [0, 4, 8], target = [0, 0.5, 0], fov_deg = 40 }
+    [medium.flint]
+    glass = "schott:N-SF11"
+    [material.floor]
+    diffuse = { reflectance = 0.6 }
+    [material.glass]
+    dielectric = {}
+    [[object]]
+    name = "floor"
+    quad = { center = [0, 0, 0], u = [0, 0, 5], v = [5, 0, 0] }
+    material = "floor"
+    [[object]]
+    name = "ball"
+    sphere = { center = [0, 1.2, 0], radius = 1 }
+    material = "glass"
+    interior = "flint"
+    [[object]]
+    name = "lamp"
+    sphere = { center = [0.5, 5, 0.3], radius = 0.3 }
+    material = "floor"
+    emission = 20
+"#;
+
+#[test]
+fn a_lamp_in_glass_seen_through_glass_needs_no_cone() {
+    let bench = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/bench");
+    let text = std::fs::read_to_string(bench.join("sds_point.toml")).expect("in the repository");
+    let text = text.replace("[400, 300]", "[40, 30]");
+    let (scene, settings) = scene_in(&bench, &text);
+    let settings = aimed(&settings, Aiming::Auto, 1);
+    let measured = measure(&scene, &settings, 16, 20, &["LSDSSE"]);
+    // two independent computations of the same film: 0.2545 +- 0.0006, 0.2562 +- 2.8 %
+    measured.classes[0].assert_is("lamp in a ball through a slab", 0.2545, 6e-3);
+    for key in [(1, 4), (3, 1)] {
+        let (raw, _) = &measured.strategies[&("LSDSSE".to_owned(), key.0, key.1)];
+        raw.assert_is("by one aim alone", 0.2545, 1.5e-2);
+    }
+}
+
+#[test]
+fn aims_agree_with_joins_in_every_lane() {
+    let (scene, settings) = scene(BALL);
+    // the caustic, the floor through the ball, and off it
+    let classes = ["LSSDE", "LDSSE", "LDSE", "LSDE"];
+    let plain = measure(&scene, &aimed(&settings, Aiming::Off, 4), 16, 500, &classes);
+    for lanes in [1, 4] {
+        let settings = aimed(&settings, Aiming::All, lanes);
+        let found = measure(&scene, &settings, 16, 16, &classes);
+        for (i, class) in classes.iter().enumerate() {
+            let what = format!("{class}, {lanes} lanes");
+            compare("ball", &what, &found.classes[i], &plain.classes[i], 0.08);
+        }
+    }
+}
