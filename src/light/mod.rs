@@ -173,14 +173,9 @@ impl Light {
         matches!(self, Self::Directional(_) | Self::Environment(_))
     }
 
-    /// Emitted power weighted by visibility (any common unit): for choosing lights.
-    #[must_use]
-    pub fn power(&self, context: &LightContext) -> f64 {
-        self.emission().visible_power() * self.flux_factor(context)
-    }
-
     /// Flux per unit emission that can reach the scene.
-    fn flux_factor(&self, context: &LightContext) -> f64 {
+    #[must_use]
+    pub fn flux_factor(&self, context: &LightContext) -> f64 {
         match self {
             Self::Area(light) => light.flux_factor(context),
             Self::Point(_) => point::PointLight::FLUX_FACTOR,

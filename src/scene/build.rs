@@ -188,14 +188,18 @@ impl Scene {
                 time,
             })
             .collect();
-        let mean_power = |light: &Light| {
-            contexts.iter().map(|c| light.power(c)).sum::<f64>() / contexts.len() as f64
+        let mean_flux = |light: &Light| {
+            contexts.iter().map(|c| light.flux_factor(c)).sum::<f64>() / contexts.len() as f64
         };
-        let powers: Vec<f64> = lights.iter().map(mean_power).collect();
+        let fluxes: Vec<f64> = lights.iter().map(mean_flux).collect();
+        let power = |(light, flux): (&Light, &f64)| {
+            flux * light.emission().sampling_power(wavelengths.range_nm)
+        };
+        let powers: Vec<f64> = lights.iter().zip(&fluxes).map(power).collect();
         if !powers.iter().any(|&p| p > 0.0) {
             return Err(BuildError::NoLight);
         }
-        let distribution = distribution(&wavelengths, &lights, &powers);
+        let distribution = distribution(&wavelengths, &lights, &fluxes);
 
         let mut light_stacks = Vec::with_capacity(lights.len());
         for (light, name) in lights.iter().zip(&light_names) {
@@ -242,21 +246,15 @@ impl Scene {
 fn distribution(
     settings: &WavelengthSettings,
     lights: &[Light],
-    powers: &[f64],
+    fluxes: &[f64],
 ) -> WavelengthDistribution {
     if let WavelengthChoice::Lines(lines) = &settings.choice {
         return WavelengthDistribution::lines(lines);
     }
-    // the weight of an emitter is its flux per unit of its spectrum
     let emitters: Vec<(Emission, f64)> = lights
         .iter()
-        .zip(powers)
-        .map(|(light, power)| {
-            let emission = light.emission().clone();
-            let visible = emission.visible_power();
-            let weight = if visible > 0.0 { power / visible } else { 0.0 };
-            (emission, weight)
-        })
+        .zip(fluxes)
+        .map(|(light, &flux)| (light.emission().clone(), flux))
         .collect();
     let scene = WavelengthDistribution::scene(&emitters, settings.range_nm);
     match &settings.choice {

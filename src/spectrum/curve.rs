@@ -167,6 +167,14 @@ impl Curve {
         }
     }
 
+    /// The wavelengths where a table bends, in no order.
+    #[must_use]
+    pub fn knots_nm(&self) -> Vec<f64> {
+        let mut out = Vec::new();
+        self.append_knots_nm(&mut out);
+        out
+    }
+
     /// Smallest and largest value over 360..830 nm, looked up every nanometer and at the knots.
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {
