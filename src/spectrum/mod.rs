@@ -1,6 +1,7 @@
 //! Wavelengths, spectra, refractive indices and colour.
 
 pub mod cie;
+pub mod coverage;
 pub mod curve;
 mod embedded;
 pub mod emission;
