@@ -188,6 +188,17 @@ impl Camera {
         }
     }
 
+    /// Whether the film has a finite extent.
+    #[must_use]
+    pub fn has_extent(&self) -> bool {
+        match &self.kind {
+            CameraKind::Perspective(camera) => camera.has_extent(),
+            CameraKind::Orthographic(camera) => camera.has_extent(),
+            // its extent is that of its transform
+            CameraKind::Detector(_) => true,
+        }
+    }
+
     /// Film size in pixels.
     #[must_use]
     pub fn resolution(&self) -> Resolution {

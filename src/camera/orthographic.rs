@@ -20,6 +20,11 @@ impl Orthographic {
         Self { half_film_m }
     }
 
+    /// Whether the film has a finite extent.
+    pub(super) fn has_extent(&self) -> bool {
+        self.half_film_m.is_finite() && self.half_film_m.min_element() > 0.0
+    }
+
     /// Density per area of the parallel ray, equal to `W_e`.
     fn ray_density(&self) -> f64 {
         1.0 / (4.0 * self.half_film_m.x * self.half_film_m.y)

@@ -43,6 +43,11 @@ impl Perspective {
         self.lens
     }
 
+    /// Whether the film has a finite extent.
+    pub(super) fn has_extent(&self) -> bool {
+        self.half_film.is_finite() && self.half_film.min_element() > 0.0
+    }
+
     /// Area of the film at unit distance.
     fn film_area(&self) -> f64 {
         4.0 * self.half_film.x * self.half_film.y

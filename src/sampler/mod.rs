@@ -48,41 +48,51 @@ pub enum Draw {
     Roulette(usize, usize, usize),
 }
 
-/// First set of [`Draw::Camera`] in the low-discrepancy sequence, which has 64.
-const CAMERA_SETS: u32 = 1;
-/// Of [`Draw::LightStart`].
-const LIGHT_SETS: u32 = 13;
-/// Of [`Draw::Direct`].
-const DIRECT_SETS: u32 = 25;
-/// Of [`Draw::Lens`].
-const LENS_SETS: u32 = 37;
-/// Of [`Draw::Pairs`].
-const PAIR_SETS: u32 = 49;
-/// One beyond the last.
-const END_OF_SETS: u32 = 64;
+/// Draws of a kind that are stratified over the passes: the first so many vertices.
+const STRATIFIED: usize = 12;
+
+/// Numbers of a draw, and where they stand in low-discrepancy sequences.
+struct Place {
+    kind: u64,
+    /// Number of its own within the kind.
+    index: u64,
+    /// Set of four dimensions, if the draw is stratified over the passes.
+    set: Option<u32>,
+    /// The sets of the kind belong to one sequence, so that draws are stratified together; else
+    /// each draw has a sequence of its own.
+    joint: bool,
+}
 
 impl Draw {
-    /// Number of its kind, a number of its own within the kind, and its set in the low-discrepancy
-    /// sequence, if it has one.
-    fn place(self) -> (u64, u64, Option<u32>) {
+    fn place(self) -> Place {
         let two = |a: usize, b: usize| (a as u64) << 26 | b as u64;
-        let within = |first: u32, i: usize, end: u32| {
-            let set = u32::try_from(i).ok()?.checked_add(first)?;
-            (set < end).then_some(set)
+        // a walk is one path through a space of many dimensions
+        let walk = |kind, set: usize| Place {
+            kind,
+            index: set as u64,
+            set: (set < STRATIFIED).then_some(set as u32),
+            joint: true,
+        };
+        // what is drawn at a vertex of a walk: later dimensions of Sobol' are worse than random
+        // numbers in many of their planes, the first four are not (padding, Burley 2020)
+        let alone = |kind, index: u64, stratified: bool| Place {
+            kind,
+            index,
+            set: stratified.then_some(0),
+            joint: false,
         };
         match self {
-            Self::Film => (0, 0, Some(0)),
-            Self::Camera(i) => (1, i as u64, within(CAMERA_SETS, i, LIGHT_SETS)),
-            Self::LightStart => (2, 0, Some(LIGHT_SETS)),
-            Self::LightDirection => (2, 1, Some(LIGHT_SETS + 1)),
-            Self::Light(i) => (2, i as u64 + 2, within(LIGHT_SETS + 2, i, DIRECT_SETS)),
-            Self::Direct(j) => (3, j as u64, within(DIRECT_SETS, j, LENS_SETS)),
-            Self::Lens(i) => (4, i as u64, within(LENS_SETS, i, PAIR_SETS)),
-            Self::Pairs(i, 0) => (5, two(i, 0), within(PAIR_SETS, i, END_OF_SETS)),
-            Self::Pairs(i, b) => (5, two(i, b), None),
-            Self::CameraCoverage(vertices, n) => (6, two(vertices, n), None),
-            Self::LightCoverage(vertices, n) => (7, two(vertices, n), None),
-            Self::Roulette(s, t, labels) => (8, two(s, 4 * t + labels), None),
+            Self::Film => alone(0, 0, true),
+            Self::Camera(i) => walk(1, i),
+            Self::LightStart => walk(2, 0),
+            Self::LightDirection => walk(2, 1),
+            Self::Light(i) => walk(2, i + 2),
+            Self::Direct(j) => alone(3, j as u64, j < STRATIFIED),
+            Self::Lens(i) => alone(4, i as u64, i < STRATIFIED),
+            Self::Pairs(i, b) => alone(5, two(i, b), b == 0 && i < STRATIFIED),
+            Self::CameraCoverage(vertices, n) => alone(6, two(vertices, n), false),
+            Self::LightCoverage(vertices, n) => alone(7, two(vertices, n), false),
+            Self::Roulette(s, t, labels) => alone(8, two(s, 4 * t + labels), false),
         }
     }
 }
@@ -142,11 +152,13 @@ impl Sampler {
     /// Four numbers, each in [0, 1) with 53 random bits.
     #[must_use]
     pub fn set(&self, draw: Draw) -> [f64; 4] {
-        let (kind, index, sobol) = draw.place();
+        let place = draw.place();
+        let Place { kind, index, .. } = place;
         let fine: [f64; 4] = std::array::from_fn(|i| self.hashed(kind, index, i as u64));
-        let Some(set) = sobol else { return fine };
-        // the sequence gives the leading 23 bits, the hash the rest
-        let scramble = combine(self.scramble, kind) as u32;
+        let Some(set) = place.set else { return fine };
+        // the sequence gives the leading 23 bits, the hash the rest; its seed shuffles and scrambles
+        let sequence = kind << 56 | if place.joint { 0 } else { index };
+        let scramble = combine(self.scramble, sequence) as u32;
         let leading = sobol_burley::sample_4d(self.index, set, scramble);
         std::array::from_fn(|i| f64::from(leading[i]) + fine[i] * (1.0 / 8_388_608.0))
     }
@@ -154,7 +166,7 @@ impl Sampler {
     /// One number in [0, 1) for a draw that is never stratified.
     #[must_use]
     pub fn number(&self, draw: Draw) -> f64 {
-        let (kind, index, _) = draw.place();
+        let Place { kind, index, .. } = draw.place();
         self.hashed(kind, index, 0)
     }
 
@@ -262,30 +274,36 @@ mod tests {
     fn no_two_draws_share_their_numbers() {
         let sampler = Sampler::new(1, 0, 5, 2);
         let all = draws();
-        let (mut numbers, mut sets) = (HashSet::new(), HashSet::new());
+        let (mut numbers, mut places) = (HashSet::new(), HashSet::new());
         for &draw in &all {
-            let (kind, index, set) = draw.place();
+            let Place { kind, index, .. } = draw.place();
             assert!(kind < 63 && index < 1 << 56, "{draw:?}");
-            assert!(
-                set.is_none_or(|set| set < 64 && sets.insert(set)),
-                "{draw:?}"
-            );
+            assert!(places.insert((kind, index)), "{draw:?}");
             numbers.extend(sampler.set(draw).map(f64::to_bits));
         }
-        // all 64 sets of the sequence are in use
-        assert_eq!(sets.len(), 64);
         assert_eq!(numbers.len(), 4 * all.len());
     }
 
     #[test]
     fn each_half_of_the_passes_is_stratified() {
         for half in 0..2 {
-            let mut cells = [0; 64];
-            for i in 0..64 {
-                let u = Sampler::new(9, 0, 77, 2 * i + half).set(Draw::Film);
-                cells[(u[0] * 64.0) as usize] += 1;
+            for draw in [
+                Draw::Film,
+                Draw::LightStart,
+                Draw::Direct(1),
+                Draw::Lens(11),
+            ] {
+                // 64 strata of each number, and 8 x 8 of the first two
+                let (mut single, mut planes) = ([[0; 64]; 4], [0; 64]);
+                for i in 0..64 {
+                    let u = Sampler::new(9, 0, 77, 2 * i + half).set(draw);
+                    for (cells, u) in single.iter_mut().zip(u) {
+                        cells[(u * 64.0) as usize] += 1;
+                    }
+                    planes[(u[0] * 8.0) as usize * 8 + (u[1] * 8.0) as usize] += 1;
+                }
+                assert_eq!((single, planes), ([[1; 64]; 4], [1; 64]), "{draw:?}");
             }
-            assert_eq!(cells, [1; 64]);
         }
     }
 

@@ -21,10 +21,12 @@ use std::process::{Command, Output};
 use std::sync::LazyLock;
 use tempfile::TempDir;
 
-/// Dispersion, motion, a smooth ball: every effect that a report leaves out in turn.
+/// Dispersion, motion, a smooth ball: every effect that a report leaves out in turn. Cones are wide, so that a few passes
+/// join paths at the ball.
 const SCENE: &str = r#"
 [render]
 max_depth = 4
+epsilon = 0.6
 [[sensor]]
 name = "camera"
 resolution = [16, 12]

@@ -62,14 +62,17 @@ fn noise(render: &Render) -> Option<f64> {
     Some(f64::sqrt(square / count) * count / sum)
 }
 
-/// Renders until the ball is good enough: the session, and its noise after each pass.
-fn rendered() -> Result<(Session, Vec<Option<f64>>), Box<dyn Error>> {
+/// Noise of the ball after each pass.
+type History = Vec<Option<f64>>;
+
+/// Renders until the ball is good enough.
+fn rendered() -> Result<(Session, History), Box<dyn Error>> {
     let options = SessionOptions {
         passes: Some(0..NO_LIMIT),
         ..SessionOptions::default()
     };
     let mut session = Session::new(scene()?, &Settings::default(), options)?;
-    let mut history = Vec::new();
+    let mut history = History::new();
     let reason = session.run_with(|session, progress| {
         let noise = noise(&session.render());
         history.push(noise);

@@ -242,7 +242,7 @@ fn classic_scenes_look_the_same_in_all_modes() {
         settings.merging.sharing = Sharing::Stratified;
         let bdpt = run(&scene, &settings, Bdpt, 12, &[]);
         // a glossy floor is hard for merging alone
-        for (kind, passes, resolution) in [(Vcm, 8, 0.05), (Bpm, 16, 0.12), (Ppm, 16, 0.12)] {
+        for (kind, passes, resolution) in [(Vcm, 16, 0.05), (Bpm, 64, 0.12), (Ppm, 64, 0.12)] {
             let merged = run(&scene, &settings, kind, passes, &[]);
             agree(&format!("{what}, {kind:?}"), &merged.y, &bdpt.y, resolution);
         }
@@ -365,8 +365,8 @@ fn the_error_falls_with_passes() {
     let span = f64::ln(96.0 / 6.0);
     let slope = |few: f64, many: f64| (many / few).ln() / span;
     let expected = [slope(variance(6), variance(96)), slope(bias(6), bias(96))];
-    let few = square_errors(&scene, &settings, (6, 16), &reference);
-    let many = square_errors(&scene, &settings, (96, 6), &reference);
+    let few = square_errors(&scene, &settings, (6, 96), &reference);
+    let many = square_errors(&scene, &settings, (96, 16), &reference);
     let found = slope(few.mean, many.mean);
     let relative = |m: &Moments| m.standard_error() / m.mean;
     let error = relative(&few).hypot(relative(&many)) / span;

@@ -112,7 +112,7 @@ fn each_strategy_alone_over_a_mirror() {
         text: MIRROR,
         class: "LSE",
         epsilon: 0.2,
-        passes: 700,
+        passes: 1400,
     });
 }
 
@@ -143,7 +143,7 @@ fn each_strategy_alone_between_two_mirrors() {
         text: TWO_MIRRORS,
         class: "LSSE",
         epsilon: 0.2,
-        passes: 700,
+        passes: 1400,
     });
 }
 
@@ -185,7 +185,7 @@ fn each_strategy_alone_into_glass_and_out_of_it() {
             text: text.leak(),
             class: "LSE",
             epsilon: 0.2,
-            passes: 700,
+            passes: 1400,
         });
     }
 }

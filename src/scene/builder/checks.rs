@@ -258,10 +258,8 @@ fn sensor(sensor: &SensorDescription) -> Checked {
         format!("a shutter from {open} to {close} s (allowed: finite, in this order)"),
     )?;
     placement(sensor.camera.transform(), open)?;
-    let middle = 0.5 * size.size();
-    let width = sensor.camera.pixel_width(middle, open.into()).at(1.0);
     require(
-        is_positive(width),
+        sensor.camera.has_extent(),
         "its film or field of view has no extent (allowed: a width above 0, an angle between 0 and π)",
     )
 }

@@ -122,6 +122,9 @@ impl SceneBuilder {
         lens: Option<ThinLens>,
     ) -> &mut SensorDescription {
         let view = Transform::fixed(view);
+        // an angle that no camera has is told by `build`, with the other problems
+        let possible = fov_y_rad > 0.0 && fov_y_rad < std::f64::consts::PI;
+        let fov_y_rad = if possible { fov_y_rad } else { f64::NAN };
         let camera = Camera::perspective(view, pixels(resolution), fov_y_rad, lens);
         self.sensor(name, camera)
     }
