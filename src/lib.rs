@@ -56,6 +56,8 @@ pub mod math;
 
 pub mod spectrum;
 
+pub mod optics;
+
 pub mod geometry;
 pub mod texture;
 

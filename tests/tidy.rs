@@ -8,9 +8,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The modules of each floor, from the ground up.
-const FLOORS: [&[&str]; 11] = [
+const FLOORS: [&[&str]; 12] = [
     &["math"],
     &["spectrum"],
+    &["optics"],
     &["geometry", "texture"],
     &[
         "bsdf", "camera", "film", "light", "material", "medium", "sampler",

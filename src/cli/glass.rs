@@ -2,7 +2,7 @@
 
 use super::args::GlassOptions;
 use super::{CliError, Outcome, print};
-use crate::spectrum::{Ior, Library};
+use crate::spectrum::{Ior, Library, LibraryError};
 use serde_json::json;
 use std::fmt::Write as _;
 
@@ -25,20 +25,41 @@ const LINES: [(&str, &str, f64); 13] = [
 /// Where a formula may be used beyond the range it was fitted over.
 const VISIBLE_NM: [f64; 2] = [360.0, 830.0];
 
+/// Most names found by a search that are shown.
+const MAX_FOUND: usize = 12;
+
 /// Runs the command.
 pub fn run(options: &GlassOptions) -> Result<Outcome, CliError> {
-    let library = Library::embedded();
+    let library = super::lens::library(&options.glass_path)?;
     let Some(name) = &options.name else {
-        print(&list(library, options.json));
+        print(&list(&library, options.json));
         return Ok(Outcome::Done);
     };
-    let ior = library.ior(name)?;
+    let ior = library.ior(name).map_err(|e| unknown(&library, name, e))?;
     print(&if options.json {
         json_text(&ior)
     } else {
         table(&ior)
     });
     Ok(Outcome::Done)
+}
+
+/// The error of a name that is none, with the glasses whose name or description holds it, and the catalogs.
+fn unknown(library: &Library, name: &str, error: LibraryError) -> CliError {
+    if !matches!(error, LibraryError::Unknown { .. }) {
+        return error.into();
+    }
+    let found: Vec<&str> = library.search(name).map(Ior::name).collect();
+    let mut text = error.to_string();
+    if !found.is_empty() {
+        let first = &found[..found.len().min(MAX_FOUND)];
+        _ = write!(text, "\n`{name}` is found in: {}", first.join(", "));
+        if found.len() > MAX_FOUND {
+            _ = write!(text, " and {} more", found.len() - MAX_FOUND);
+        }
+    }
+    _ = write!(text, "\ncatalogs: {}", library.catalogs().join(", "));
+    CliError::Failed(text)
 }
 
 fn list(library: &Library, as_json: bool) -> String {

@@ -13,6 +13,7 @@ mod image_output;
 mod info;
 mod interrupt;
 mod keys;
+mod lens;
 mod merge;
 mod progress;
 mod render;
@@ -56,6 +57,7 @@ pub fn run() -> ExitCode {
         Command::Compare(options) => compare::run(&options),
         Command::Glass(options) => glass::run(&options),
         Command::Keys(options) => Ok(keys::run(&options)),
+        Command::Lens(options) => lens::run(&options),
         Command::Merge(options) => merge::run(&options),
         Command::Banding(options) => banding::run(&options),
         Command::Convert(options) => convert::run(&options),

@@ -7,7 +7,7 @@ pub mod class_tables;
 pub mod compare;
 pub mod cost;
 mod error;
-mod html;
+pub(crate) mod html;
 mod json;
 pub mod readable;
 

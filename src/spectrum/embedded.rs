@@ -10,7 +10,7 @@ macro_rules! embedded {
 }
 
 /// The files built in, by their path in `spectra/`.
-pub(super) const FILES: [(&str, &str); 18] = embedded![
+pub(super) const FILES: [(&str, &str); 19] = embedded![
     "cie/A.csv",
     "cie/D50.csv",
     "cie/D65.csv",
@@ -26,6 +26,7 @@ pub(super) const FILES: [(&str, &str); 18] = embedded![
     "glass/material.toml",
     "glass/ohara.toml",
     "glass/schott.toml",
+    "glass/vendors.txt",
     "metal/metal.toml",
     "reflectance/colorchecker.csv",
     "reflectance/srgb.csv",

@@ -1,6 +1,6 @@
 //! Refractive index and extinction of a material as functions of wavelength.
 //!
-//! Formulas 1 to 6 are those of the refractiveindex.info database, wavelength in micrometers. A formula may be
+//! Formulas 1 to 9 are those of the refractiveindex.info database, wavelength in micrometers. A formula may be
 //! evaluated beyond its fitted range inside 360..830 nm; a table only on request; nothing reaches further.
 
 use thiserror::Error;
@@ -56,7 +56,7 @@ pub enum IorError {
 #[derive(Clone, Debug, PartialEq)]
 enum Dispersion {
     Constant(f64),
-    /// refractiveindex.info formula 1..=6 and its coefficients, an odd number of them.
+    /// refractiveindex.info formula 1..=9 and its coefficients, as many as it takes.
     Formula(u8, Vec<f64>),
     /// n against nanometers.
     Table(Curve),
@@ -103,7 +103,7 @@ impl Ior {
         }
     }
 
-    /// A refractiveindex.info formula (1 to 6, wavelengths in micrometers), fitted over `range_nm` (nanometers).
+    /// A refractiveindex.info formula (1 to 9, wavelengths in micrometers), fitted over `range_nm` (nanometers).
     ///
     /// # Errors
     /// If there is no such formula or it does not take that many coefficients.
@@ -113,18 +113,18 @@ impl Ior {
         range_nm: [f64; 2],
     ) -> Result<Self, IorError> {
         let bad = |text: String| Err(IorError::BadFormula(text));
-        if !(1..=6).contains(&number) {
-            return bad(format!("there is no dispersion formula {number} (1 to 6)"));
-        }
-        if coefficients.len().is_multiple_of(2) || (number == 4 && coefficients.len() < 9) {
-            let rule = if number == 4 {
-                "9, 11, 13, ..."
-            } else {
-                "1, 3, 5, ..."
-            };
+        let count = coefficients.len();
+        let (fits, rule) = match number {
+            1..=3 | 5 | 6 => (!count.is_multiple_of(2), "1, 3, 5, ..."),
+            4 => (!count.is_multiple_of(2) && count >= 9, "9, 11, 13, ..."),
+            7 => ((3..=6).contains(&count), "3 to 6"),
+            8 => (count == 4, "4"),
+            9 => (count == 6, "6"),
+            _ => return bad(format!("there is no dispersion formula {number} (1 to 9)")),
+        };
+        if !fits {
             return bad(format!(
-                "formula {number} takes {rule} coefficients, not {}",
-                coefficients.len()
+                "formula {number} takes {rule} coefficients, not {count}"
             ));
         }
         if coefficients.iter().any(|c| !c.is_finite()) {
@@ -158,6 +158,12 @@ impl Ior {
     #[must_use]
     pub fn with_k(self, k: Curve) -> Self {
         Self { k: Some(k), ..self }
+    }
+
+    /// The same without an extinction coefficient: clear.
+    #[must_use]
+    pub fn without_k(self) -> Self {
+        Self { k: None, ..self }
     }
 
     /// The same under another name, with its provenance.
@@ -218,6 +224,7 @@ impl Ior {
     pub fn is_dispersive(&self) -> bool {
         match &self.dispersion {
             Dispersion::Constant(_) => false,
+            Dispersion::Formula(7..=9, c) => c.iter().skip(1).any(|&b| b != 0.0),
             Dispersion::Formula(_, c) => c.iter().skip(1).step_by(2).any(|&b| b != 0.0),
             Dispersion::Table(Curve::Regular { values, .. } | Curve::Table { values, .. }) => {
                 values.iter().any(|&n| n != values[0])
@@ -346,7 +353,20 @@ fn formula(number: u8, c: &[f64], um: f64) -> f64 {
             (c[0] + pole(&c[1..5]) + pole(&c[5..9]) + powers(9)).sqrt()
         }
         5 => c[0] + powers(1),
-        _ => 1.0 + c[0] + pairs(1).map(|(b, a)| b / (a - 1.0 / um2)).sum::<f64>(),
+        6 => 1.0 + c[0] + pairs(1).map(|(b, a)| b / (a - 1.0 / um2)).sum::<f64>(),
+        7 => {
+            let l = 1.0 / (um2 - 0.028);
+            let powers = c[3..].iter().rev().fold(0.0, |sum, &c| (sum + c) * um2);
+            c[0] + (c[1] + c[2] * l) * l + powers
+        }
+        8 => {
+            let x = c[0] + c[1] * um2 / (um2 - c[2]) + c[3] * um2;
+            ((1.0 + 2.0 * x) / (1.0 - x)).sqrt()
+        }
+        _ => {
+            let d = um - c[4];
+            (c[0] + c[1] / (um2 - c[2]) + c[3] * d / (d * d + c[5])).sqrt()
+        }
     }
 }
 
@@ -430,9 +450,21 @@ mod tests {
             assert!((six.n(lambda) - 1.1 - 0.5 / (4.0 - 1.0 / um2)).abs() < 1e-14);
             assert!((Ior::cauchy(1.5, 0.01, 0.0).n(lambda) - five.n(lambda)).abs() < 1e-14);
         }
+        // 7 by hand at 500 nm, 8 and 9 where they are a constant
+        let seven = Ior::formula(7, vec![1.5, 0.01, 0.001, -0.02, 0.003], range).unwrap();
+        let l = 1.0 / (0.25 - 0.028);
+        let n = 1.5 + 0.01 * l + 0.001 * l * l - 0.02 * 0.25 + 0.003 * 0.0625;
+        assert!((seven.n(500.0) - n).abs() < 1e-14);
+        let eight = Ior::formula(8, vec![0.25, 0.0, 0.01, 0.0], range).unwrap();
+        assert!((eight.n(500.0) - 2f64.sqrt()).abs() < 1e-14);
+        let nine = Ior::formula(9, vec![2.25, 0.01, 0.01, 0.0, 0.1, 0.2], range).unwrap();
+        assert!((nine.n(500.0).powi(2) - 2.25 - 0.01 / 0.24).abs() < 1e-13);
         for (number, c) in [
             (0, vec![1.0]),
+            (10, vec![1.0]),
             (7, vec![1.0]),
+            (8, vec![1.0]),
+            (9, vec![1.0; 5]),
             (2, vec![1.0, 2.0]),
             (4, vec![1.0]),
         ] {
@@ -450,7 +482,7 @@ mod tests {
                 .iter()
                 .filter(|g| !g.name().starts_with("metal:"))
                 .count(),
-            52
+            1044
         );
         for ior in glasses {
             if ior.name().starts_with("metal:") {

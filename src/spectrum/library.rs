@@ -3,7 +3,7 @@
 //! The files of `spectra/` are built into the program; a folder with the same layout overrides and adds. Names are
 //! the same in upper and lower case. Sources and licenses are at the top of each file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use strsim::levenshtein;
@@ -13,6 +13,7 @@ use thiserror::Error;
 use super::embedded::{FILES, columns};
 use super::emission::Line;
 use super::read::{MAX_FILE_BYTES, parse_table};
+use super::vendors::parse_vendors;
 use super::{Curve, Emission, Ior};
 
 pub use super::read::{
@@ -26,6 +27,7 @@ static EMBEDDED: LazyLock<Library> = LazyLock::new(|| {
     let mut library = Library {
         spectra: BTreeMap::new(),
         glasses: BTreeMap::new(),
+        by_full_name: BTreeSet::new(),
     };
     for (path, text) in FILES {
         library
@@ -97,6 +99,8 @@ pub struct Library {
     spectra: BTreeMap<String, (String, Spectrum)>,
     /// By lower-case `catalog:name`.
     glasses: BTreeMap<String, Ior>,
+    /// Those of `glasses` that give way to others of the same bare name.
+    by_full_name: BTreeSet<String>,
 }
 
 impl Library {
@@ -131,7 +135,10 @@ impl Library {
             }
             paths.sort();
             for path in paths {
-                if !path.extension().is_some_and(|e| e == "csv" || e == "toml") {
+                if !path
+                    .extension()
+                    .is_some_and(|e| ["csv", "toml", "txt"].iter().any(|x| e == *x))
+                {
                     continue;
                 }
                 let size = std::fs::metadata(&path).map_err(io_error(&path))?.len();
@@ -155,9 +162,16 @@ impl Library {
 
     fn add(&mut self, path: &Path, text: &str) -> Result<(), SpectrumFileError> {
         if path.extension().is_some_and(|e| e == "toml") {
-            let glasses = parse_glass_toml(text)?;
-            self.glasses
-                .extend(glasses.into_iter().map(|g| (g.name().to_lowercase(), g)));
+            for glass in parse_glass_toml(text)? {
+                self.add_glass(glass);
+            }
+            return Ok(());
+        }
+        if path.extension().is_some_and(|e| e == "txt") {
+            for glass in parse_vendors(text)? {
+                self.by_full_name.insert(glass.name().to_lowercase());
+                self.add_glass(glass);
+            }
             return Ok(());
         }
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -184,6 +198,11 @@ impl Library {
                 .insert(name.to_lowercase(), (name, Spectrum::Curve(curve)));
         }
         Ok(())
+    }
+
+    /// Adds a refractive index under its name, in place of one of the same name.
+    pub fn add_glass(&mut self, ior: Ior) {
+        self.glasses.insert(ior.name().to_lowercase(), ior);
     }
 
     fn spectrum(&self, name: &str) -> Result<&Spectrum, LibraryError> {
@@ -222,6 +241,8 @@ impl Library {
 
     /// A refractive index: `schott:N-SF11`, or `N-SF11` where only one catalog has it; metals by symbol, `Au`.
     ///
+    /// A bare name never means a glass of `glass/vendors.txt` if another file has one of that name.
+    ///
     /// # Errors
     /// If there is none of this name, or several.
     pub fn ior(&self, name: &str) -> Result<Ior, LibraryError> {
@@ -230,12 +251,17 @@ impl Library {
             return Ok(ior.clone());
         }
         let bare = |full: &str| full.split_once(':').map_or(full, |p| p.1).to_owned();
-        let matches: Vec<&Ior> = self
-            .glasses
+        let named: Vec<_> = self.glasses.iter().filter(|g| bare(g.0) == key).collect();
+        let first: Vec<&Ior> = named
             .iter()
-            .filter(|(full, _)| bare(full) == key)
+            .filter(|g| !self.by_full_name.contains(g.0))
             .map(|g| g.1)
             .collect();
+        let matches = if first.is_empty() {
+            named.iter().map(|g| g.1).collect()
+        } else {
+            first
+        };
         match matches.as_slice() {
             [ior] => Ok((*ior).clone()),
             [] => {
@@ -255,6 +281,52 @@ impl Library {
                 candidates: several.iter().map(|g| g.name().to_owned()).collect(),
             }),
         }
+    }
+
+    /// A glass of a lens file: `name` in the first of `catalogs` that has it, else in the only catalog that does.
+    /// Qualified names are taken as they are. Metals and other materials are no glasses of a bare name.
+    ///
+    /// # Errors
+    /// If there is none of this name, or several.
+    pub fn glass_in(&self, name: &str, catalogs: &[String]) -> Result<Ior, LibraryError> {
+        if name.contains(':') {
+            return self.ior(name);
+        }
+        let full = |catalog: &str| format!("{catalog}:{name}").to_lowercase();
+        if let Some(ior) = catalogs.iter().find_map(|c| self.glasses.get(&full(c))) {
+            return Ok(ior.clone());
+        }
+        let everywhere = self.catalogs().into_iter().filter(|c| c != "metal");
+        let found: Vec<&Ior> = everywhere
+            .filter_map(|c| self.glasses.get(&full(&c)))
+            .collect();
+        match found.as_slice() {
+            [ior] => Ok((*ior).clone()),
+            [] => self.ior(name),
+            several => Err(LibraryError::Ambiguous {
+                name: name.to_owned(),
+                candidates: several.iter().map(|g| g.name().to_owned()).collect(),
+            }),
+        }
+    }
+
+    /// The catalogs that glasses are qualified with, sorted.
+    #[must_use]
+    pub fn catalogs(&self) -> Vec<String> {
+        let names: BTreeSet<&str> = self
+            .glasses
+            .keys()
+            .filter_map(|k| Some(k.split_once(':')?.0))
+            .collect();
+        names.into_iter().map(str::to_owned).collect()
+    }
+
+    /// Refractive indices whose name or provenance holds `text`, in any case.
+    pub fn search(&self, text: &str) -> impl Iterator<Item = &Ior> {
+        let text = text.to_lowercase();
+        self.glasses.values().filter(move |ior| {
+            ior.name().to_lowercase().contains(&text) || ior.source().to_lowercase().contains(&text)
+        })
     }
 
     /// Names of the spectra, sorted.
@@ -318,6 +390,38 @@ mod tests {
             "unknown spectrum `nothing-like-it`"
         );
         assert!(matches!(library.curve("Hg"), Err(LibraryError::Lines(_))));
+    }
+
+    #[test]
+    fn glasses_of_lens_files_come_from_their_catalogs() {
+        let library = Library::embedded();
+        let from = |name: &str, catalogs: &[&str]| {
+            let catalogs: Vec<String> = catalogs.iter().map(|c| (*c).to_owned()).collect();
+            library
+                .glass_in(name, &catalogs)
+                .map(|ior| ior.name().to_owned())
+        };
+        assert_eq!(from("f2", &["HIKARI", "SCHOTT"]).unwrap(), "hikari:F2");
+        assert_eq!(from("F2", &["schott"]).unwrap(), "schott:F2");
+        assert_eq!(from("N-LAF34", &[]).unwrap(), "schott:N-LAF34");
+        assert!(matches!(
+            from("F2", &[]),
+            Err(LibraryError::Ambiguous { .. })
+        ));
+        assert!(from("Al", &["schott"]).is_ok_and(|n| n == "metal:Al"));
+        assert!(from("N-LAF99", &["schott"]).is_err());
+        // in a scene, a bare name means what it meant before there were six makers
+        assert_eq!(library.ior("F2").unwrap().name(), "schott:F2");
+        assert_eq!(library.ior("FCD1").unwrap().name(), "hoya:FCD1");
+        assert!(
+            library
+                .search("acrylic")
+                .any(|g| g.name() == "material:PMMA")
+        );
+        let catalogs = [
+            "cdgm", "hikari", "hoya", "material", "metal", "ohara", "schott", "sumita",
+        ];
+        assert_eq!(library.catalogs(), catalogs);
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod read;
 pub mod sampled;
 pub mod sensor_response;
 pub mod upsample;
+mod vendors;
 pub mod wavelengths;
 pub mod xyz;
 

@@ -26,7 +26,7 @@ pub struct SpectrumFileError {
     pub message: String,
 }
 
-fn error<T>(
+pub(super) fn error<T>(
     line: usize,
     column: usize,
     message: impl Into<String>,
@@ -353,7 +353,7 @@ mod tests {
         for (text, line) in [
             (entry(""), 2),
             (
-                entry("formula = 9\ncoefficients = [1.0]\nrange_um = [0.4, 0.7]"),
+                entry("formula = 10\ncoefficients = [1.0]\nrange_um = [0.4, 0.7]"),
                 2,
             ),
             (

@@ -2,12 +2,14 @@
 //! allowed.
 
 mod images;
+mod lens;
 mod overrides;
 mod reports;
 mod scene;
 mod values;
 
 pub use images::{BandingOptions, CompareOptions, MergeOptions};
+pub use lens::{GlassOptions, LensOptions};
 pub use overrides::Overrides;
 pub use reports::CostOptions;
 pub use scene::{ConvertOptions, InfoOptions, RenderOptions};
@@ -57,26 +59,14 @@ pub enum Command {
     Glass(GlassOptions),
     /// Prints the reference of all keys of scene files
     Keys(KeysOptions),
+    /// Shows the data of a lens prescription: paraxial, aberrations, spots, transmission; drawings
+    Lens(Box<LensOptions>),
     /// Adds up part files of disjoint passes
     Merge(MergeOptions),
     /// Shows what sharing wavelengths and times in a pass does: photon merging beside bidirectional path tracing
     Banding(BandingOptions),
     /// Writes an editable scene file that refers to a model
     Convert(ConvertOptions),
-}
-
-/// Options of `abbe glass`.
-#[derive(Debug, Args)]
-pub struct GlassOptions {
-    /// The glass, such as schott:N-SF11 or N-SF11
-    #[arg(value_name = "NAME", required_unless_present = "list")]
-    pub name: Option<String>,
-    /// Lists the names of all glasses
-    #[arg(long, conflicts_with = "name")]
-    pub list: bool,
-    /// Prints JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// Options of `abbe keys`.

@@ -1,0 +1,292 @@
+//! Thin film coatings by the characteristic matrix.
+//!
+//! Each layer has the phase thickness delta = 2 pi N d cos(theta) / lambda and the matrix
+//! [cos delta, -i sin delta / eta; -i eta sin delta, cos delta] for fields exp(-i omega t) and N = n + i k, with the
+//! admittance eta = N cos(theta) for s and N / cos(theta) for p (Macleod, Thin-Film Optical Filters, 4th ed., chapter 2;
+//! Born and Wolf, Principles of Optics, section 1.6). Layers that absorb much are kept from overflow by a common factor.
+
+use crate::spectrum::Ior;
+use num_complex::Complex64;
+use std::f64::consts::TAU;
+
+/// Thickness of a layer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Thickness {
+    /// Geometric, nanometers.
+    Nm(f64),
+    /// Optical, in quarters of a wavelength at normal incidence.
+    QuarterWaves {
+        /// How many quarters.
+        count: f64,
+        /// The wavelength in vacuum, nanometers.
+        at_nm: f64,
+    },
+}
+
+/// One layer of a stack.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// Its material, n and k.
+    pub ior: Ior,
+    /// How thick it is.
+    pub thickness: Thickness,
+}
+
+impl Layer {
+    /// Geometric thickness, nanometers.
+    #[must_use]
+    pub fn thickness_nm(&self) -> f64 {
+        match self.thickness {
+            Thickness::Nm(nm) => nm,
+            Thickness::QuarterWaves { count, at_nm } => 0.25 * count * at_nm / self.ior.n(at_nm),
+        }
+    }
+}
+
+/// A stack of layers, in the order in which light meets them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stack {
+    /// Its name.
+    pub name: String,
+    /// The layers.
+    pub layers: Vec<Layer>,
+    /// Material behind the layers in place of the glass: the metal of a front surface mirror.
+    pub backing: Option<Ior>,
+}
+
+/// Polarization of the electric field against the plane of incidence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Polarization {
+    /// Perpendicular to it.
+    S,
+    /// In it.
+    P,
+}
+
+/// Parts of the incident power: reflected, transmitted, absorbed in the layers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Response {
+    /// Reflectance.
+    pub r: f64,
+    /// Transmittance, into the last medium.
+    pub t: f64,
+    /// Absorptance of the layers, from the power that flows in at the first interface and out at the last.
+    pub a: f64,
+}
+
+impl Response {
+    /// The mean of both.
+    #[must_use]
+    pub fn mean(self, other: Self) -> Self {
+        Self {
+            r: 0.5 * (self.r + other.r),
+            t: 0.5 * (self.t + other.t),
+            a: 0.5 * (self.a + other.a),
+        }
+    }
+}
+
+/// Layers between two media at one wavelength: indices and thicknesses in nanometers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Films {
+    /// Index and thickness of each layer, in the order in which light meets them.
+    pub layers: Vec<(Complex64, f64)>,
+}
+
+/// Cosine of the angle in a medium of index `n` from the conserved sine times index. Of both roots, that of the wave
+/// that decays, or runs, away from the interface.
+fn cosine(n: Complex64, n_sin: f64) -> Complex64 {
+    let sine = Complex64::from(n_sin) / n;
+    let cos = (1.0 - sine * sine).sqrt();
+    let normal = n * cos;
+    let outward = if normal.im.abs() > 1e-14 * normal.norm() {
+        normal.im > 0.0
+    } else {
+        normal.re > 0.0
+    };
+    if outward { cos } else { -cos }
+}
+
+fn admittance(n: Complex64, cos: Complex64, polarization: Polarization) -> Complex64 {
+    match polarization {
+        Polarization::S => n * cos,
+        Polarization::P => n / cos,
+    }
+}
+
+impl Films {
+    /// Response to light from a medium of real index `n_in` onto a medium of index `n_out`; `cos_in` is the cosine of the
+    /// angle of incidence, in 0..=1.
+    #[must_use]
+    pub fn response(
+        &self,
+        lambda_nm: f64,
+        n_in: f64,
+        n_out: Complex64,
+        cos_in: f64,
+        polarization: Polarization,
+    ) -> Response {
+        let n_sin = n_in * (1.0 - cos_in * cos_in).max(0.0).sqrt();
+        // at grazing incidence everything is reflected
+        if cos_in <= 0.0 {
+            return Response {
+                r: 1.0,
+                t: 0.0,
+                a: 0.0,
+            };
+        }
+        let eta_in = admittance(n_in.into(), cos_in.into(), polarization);
+        let eta_out = admittance(n_out, cosine(n_out, n_sin), polarization);
+        // electric and magnetic field behind the stack, carried to its front; the power of e taken out is kept apart
+        let (mut b, mut c) = (Complex64::from(1.0), eta_out);
+        let mut log_scale = 0.0;
+        for &(n, nm) in self.layers.iter().rev() {
+            let cos = cosine(n, n_sin);
+            let eta = admittance(n, cos, polarization);
+            let delta = n * cos * (TAU * nm / lambda_nm);
+            // cos and sin of delta times exp(-|Im delta|)
+            let damping = delta.im.abs();
+            let forward = Complex64::new(0.0, delta.re).exp() * (-delta.im - damping).exp();
+            let backward = Complex64::new(0.0, -delta.re).exp() * (delta.im - damping).exp();
+            let cos_delta = 0.5 * (forward + backward);
+            let i_sin_delta = 0.5 * (forward - backward);
+            (b, c) = (
+                cos_delta * b - i_sin_delta / eta * c,
+                cos_delta * c - i_sin_delta * eta * b,
+            );
+            log_scale += damping;
+        }
+        let incident = eta_in * b + c;
+        let norm = incident.norm_sqr();
+        let power = 4.0 * eta_in.re / norm;
+        let out = eta_out.re.max(0.0) * (-2.0 * log_scale).exp();
+        Response {
+            r: ((eta_in * b - c) / incident).norm_sqr(),
+            t: power * out,
+            a: power * ((b * c.conj()).re - out),
+        }
+    }
+
+    /// Mean of both polarizations: unpolarized light.
+    #[must_use]
+    pub fn unpolarized(
+        &self,
+        lambda_nm: f64,
+        n_in: f64,
+        n_out: Complex64,
+        cos_in: f64,
+    ) -> Response {
+        let one = |p| self.response(lambda_nm, n_in, n_out, cos_in, p);
+        one(Polarization::S).mean(one(Polarization::P))
+    }
+}
+
+impl Stack {
+    /// The layers at a wavelength, and the index of what lies behind them: the backing if there is one, else `n_out`.
+    #[must_use]
+    pub fn films(&self, lambda_nm: f64, n_out: f64) -> (Films, Complex64) {
+        let complex = |ior: &Ior| Complex64::new(ior.n(lambda_nm), ior.k(lambda_nm));
+        let layers = self
+            .layers
+            .iter()
+            .map(|l| (complex(&l.ior), l.thickness_nm()))
+            .collect();
+        let behind = self.backing.as_ref().map_or(n_out.into(), complex);
+        (Films { layers }, behind)
+    }
+
+    /// The same stack for light from the other side.
+    #[must_use]
+    pub fn reversed(&self) -> Self {
+        Self {
+            layers: self.layers.iter().rev().cloned().collect(),
+            ..self.clone()
+        }
+    }
+}
+
+/// Response of an interface with a coating or without, to unpolarized light.
+#[must_use]
+pub fn interface(
+    coating: Option<&Stack>,
+    lambda_nm: f64,
+    n_in: f64,
+    n_out: f64,
+    cos_in: f64,
+) -> Response {
+    let bare = (Films { layers: Vec::new() }, Complex64::from(n_out));
+    let (films, behind) = coating.map_or(bare, |stack| stack.films(lambda_nm, n_out));
+    films.unpolarized(lambda_nm, n_in, behind, cos_in)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn absorbing() -> Films {
+        Films {
+            layers: vec![
+                (Complex64::new(1.38, 0.0), 99.6),
+                (Complex64::new(0.05, 3.4), 12.0),
+                (Complex64::new(2.3, 0.01), 60.0),
+            ],
+        }
+    }
+
+    #[test]
+    fn power_is_kept_and_transmittance_is_the_same_from_both_sides() {
+        let films = absorbing();
+        let back = Films {
+            layers: films.layers.iter().rev().copied().collect(),
+        };
+        let n = 1.52;
+        for polarization in [Polarization::S, Polarization::P] {
+            for degrees in [0.0f64, 10.0, 35.0, 60.0, 89.0] {
+                let cos = degrees.to_radians().cos();
+                let sin_out = degrees.to_radians().sin() / n;
+                let one = films.response(550.0, 1.0, n.into(), cos, polarization);
+                let cos_out = (1.0 - sin_out * sin_out).sqrt();
+                let two = back.response(550.0, n, 1.0.into(), cos_out, polarization);
+                assert!((one.r + one.t + one.a - 1.0).abs() < 1e-12, "{one:?}");
+                assert!((two.r + two.t + two.a - 1.0).abs() < 1e-12, "{two:?}");
+                assert!((one.t - two.t).abs() < 1e-13);
+                assert!(
+                    (one.r - two.r).abs() > 1e-6 && one.a > 1e-6,
+                    "{degrees}: sides differ where a layer absorbs"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn closed_forms() {
+        // bare glass, Brewster's angle, a quarter wave, total reflection
+        let bare = Films { layers: vec![] };
+        let n = 1.5f64;
+        let normal = bare.unpolarized(500.0, 1.0, n.into(), 1.0);
+        assert!((normal.r - 0.04).abs() < 1e-15 && normal.a.abs() < 1e-15);
+        let brewster = n.atan().cos();
+        let p = bare.response(500.0, 1.0, n.into(), brewster, Polarization::P);
+        assert!(p.r < 1e-30 && (p.t - 1.0).abs() < 1e-14);
+        let quarter = Films {
+            layers: vec![(Complex64::from(1.38), 500.0 / 4.0 / 1.38)],
+        };
+        let r = ((n - 1.38f64.powi(2)) / (n + 1.38f64.powi(2))).powi(2);
+        assert!((quarter.unpolarized(500.0, 1.0, n.into(), 1.0).r - r).abs() < 1e-15);
+        let total = quarter.unpolarized(500.0, n, 1.0.into(), 0.5);
+        assert!((total.r - 1.0).abs() < 1e-14 && total.t == 0.0);
+    }
+
+    #[test]
+    fn a_thick_metal_does_not_overflow() {
+        let thick = Films {
+            layers: vec![(Complex64::new(0.9, 6.5), 1e6)],
+        };
+        let bulk = Films { layers: vec![] };
+        let metal = Complex64::new(0.9, 6.5);
+        let one = thick.unpolarized(550.0, 1.0, 1.5.into(), 0.7);
+        let two = bulk.unpolarized(550.0, 1.0, metal, 0.7);
+        assert!((one.r - two.r).abs() < 1e-14 && one.t == 0.0);
+        assert!((one.r + one.a - 1.0).abs() < 1e-12);
+    }
+}
