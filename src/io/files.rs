@@ -78,8 +78,9 @@ pub fn read(folder: &Path, name: &str, limit: u64) -> Result<Vec<u8>, FileProble
     })
 }
 
-/// Rows of 2 to `N` numbers separated by commas, semicolons, tabs or blanks; missing columns are 0. Empty lines, `#`
-/// comments and one header line without numbers are passed over. The first column (nm) must ascend.
+/// Rows of 2 to `N` numbers separated by commas, semicolons, tabs or blanks; with semicolons, or
+/// with commas beside tabs, commas are decimal. Missing columns are 0. Empty lines, `#` comments
+/// and one header line without numbers are passed over. The first column (nm) must ascend.
 ///
 /// # Errors
 /// Problem, in words, with the line.
@@ -102,8 +103,23 @@ fn parse_csv<const N: usize>(text: &str) -> Result<Vec<[f64; N]>, String> {
         if line.is_empty() {
             continue;
         }
-        let is_separator = |c: char| c == ',' || c == ';' || c.is_whitespace();
-        let cells: Vec<&str> = line.split(is_separator).filter(|c| !c.is_empty()).collect();
+        // semicolons (or tabs) between the columns leave commas to the decimals: 546,07;1,5187
+        let decimal_commas = line.contains(';') || line.contains('\t') && line.contains(',');
+        let is_separator = |c: char| match c {
+            ',' => !decimal_commas,
+            _ => c == ';' || c.is_whitespace(),
+        };
+        let cells: Vec<String> = line
+            .split(is_separator)
+            .map(|c| {
+                if decimal_commas {
+                    c.replace(',', ".")
+                } else {
+                    c.to_owned()
+                }
+            })
+            .filter(|c| !c.is_empty())
+            .collect();
         if rows.is_empty() && !header_seen && cells.iter().all(|c| c.parse::<f64>().is_err()) {
             header_seen = true;
             continue;
@@ -147,6 +163,13 @@ mod tests {
             parse_csv::<3>("400 1.5\n500 1.4 0.1").expect("valid"),
             [[400.0, 1.5, 0.0], [500.0, 1.4, 0.1]]
         );
+        for text in [
+            "nm;n\n360,5;1,53\n830;1,51",
+            "nm\tn\n360,5\t1,53\n830\t1,51",
+        ] {
+            let rows = parse_csv::<3>(text).expect("valid");
+            assert_eq!(rows, [[360.5, 1.53, 0.0], [830.0, 1.51, 0.0]], "{text}");
+        }
     }
 
     #[test]
