@@ -38,11 +38,14 @@ const CRATES: [(&str, &[&str]); 9] = [
         &["io/scene_file/", "spectrum/read.rs", "spectrum/library.rs"],
     ),
     ("tobj", &["io/obj.rs", "io/mtl.rs"]),
-    ("exr", &["io/exr.rs", "io/exr_header.rs"]),
-    ("png", &["io/png.rs", "io/image_file.rs"]),
+    (
+        "exr",
+        &["io/exr.rs", "io/exr_header.rs", "io/image_file/open_exr.rs"],
+    ),
+    ("png", &["io/png.rs", "io/image_file/png.rs"]),
     ("palette", &["spectrum/xyz.rs"]),
     ("gltf", &["io/gltf/"]),
-    ("zune_jpeg", &["io/image_file.rs"]),
+    ("moxcms", &["io/image_file/icc.rs"]),
     ("clap", &["cli/"]),
 ];
 

@@ -7,6 +7,7 @@ pub mod exr;
 mod exr_header;
 pub mod gltf;
 pub mod image_file;
+pub mod jpeg;
 pub mod model;
 pub mod model_file;
 pub mod mtl;

@@ -297,7 +297,16 @@ impl Reader<'_> {
                 .and_then(|bytes| {
                     let hash = super::scene_file::document::hash_bytes(&bytes);
                     self.model.hash = combine(self.model.hash, hash);
-                    image_file::decode(&bytes, srgb).map_err(|e| format!("file \"{name}\": {e}"))
+                    image_file::decode(
+                        &bytes,
+                        if srgb {
+                            image_file::Encoding::Stated
+                        } else {
+                            image_file::Encoding::Linear
+                        },
+                    )
+                    .map(|d| d.image)
+                    .map_err(|e| format!("file \"{name}\": {e}"))
                 });
             let image = read
                 .map_err(|message| {

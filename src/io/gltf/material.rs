@@ -6,7 +6,7 @@
 use super::buffers::read_uri;
 use super::{Fault, Reader, hashed};
 use crate::bsdf::coated::Coat;
-use crate::io::image_file::{self, MAX_IMAGE_BYTES};
+use crate::io::image_file::{self, Encoding, MAX_IMAGE_BYTES};
 use crate::material::{Coverage, LobeSpec, Material, NormalMap};
 use crate::medium::{Medium, absorption_of};
 use crate::scene::description::AreaEmission;
@@ -116,10 +116,18 @@ impl Reader<'_> {
             (None, Some(view)) => self.buffers.view(view)?.0,
             (None, None) => return Err(Fault::new(format!("{what} has no bytes"))),
         };
-        let decoded = image_file::decode(bytes, srgb)
+        let encoding = if srgb {
+            Encoding::Srgb
+        } else {
+            Encoding::Linear
+        };
+        let decoded = image_file::decode(bytes, encoding)
             .map_err(|message| Fault::new(format!("{what}: {message}")))?;
         self.model.hash = hashed(self.model.hash, bytes);
-        let decoded = Arc::new(decoded);
+        for note in decoded.notes {
+            self.note(format!("{what}: {note}"));
+        }
+        let decoded = Arc::new(decoded.image);
         self.images.decoded.insert((index, srgb), decoded.clone());
         Ok(decoded)
     }

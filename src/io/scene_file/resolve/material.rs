@@ -5,7 +5,7 @@ use super::super::plan::{
 };
 use super::Resolver;
 use crate::bsdf::coated::Coat;
-use crate::io::image_file;
+use crate::io::image_file::{self, Encoding};
 use crate::material::{Coverage, LobeSpec, Material, NormalMap};
 use crate::spectrum::Curve;
 use crate::texture::{Filter, Image, ImageTexture, ScalarTexture, SpectrumTexture};
@@ -49,12 +49,22 @@ impl Resolver<'_> {
         if let Some(image) = self.images.get(&key) {
             return image.clone();
         }
+        let encoding = if plan.srgb {
+            Encoding::Stated
+        } else {
+            Encoding::Linear
+        };
         let read = std::fs::read(&plan.path)
             .map_err(|e| e.to_string())
-            .and_then(|bytes| image_file::decode(&bytes, plan.srgb));
+            .and_then(|bytes| image_file::decode(&bytes, encoding));
         let image = match read {
-            Ok(image) if pyramid => Some(Arc::new(image.with_pyramid())),
-            Ok(image) => Some(Arc::new(image)),
+            Ok(decoded) => {
+                let notes = decoded.notes.into_iter();
+                self.notes
+                    .extend(notes.map(|n| format!("{}: {n}", plan.name)));
+                let image = decoded.image;
+                Some(Arc::new(if pyramid { image.with_pyramid() } else { image }))
+            }
             Err(message) => {
                 self.bad_file(&plan.at, &plan.name, message);
                 None
