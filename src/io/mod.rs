@@ -5,6 +5,7 @@ pub mod atomic;
 pub mod convert;
 pub mod exr;
 mod exr_header;
+mod files;
 pub mod gltf;
 pub mod image_file;
 pub mod jpeg;

@@ -12,9 +12,9 @@
 //! | `Ke` | emission, as `emission = [r, g, b]` of a scene file |
 //! | `norm` | normal map |
 
+use super::files;
 use super::image_file::{self, MAX_IMAGE_BYTES};
 use super::model::{Model, read_file};
-use super::scene_file::files;
 use crate::bsdf::coated::Coat;
 use crate::geometry::{Mesh, MeshError, Shape, Transform};
 use crate::material::{Coverage, LobeSpec, Material, MaterialId, NormalMap};
@@ -137,7 +137,7 @@ fn parse(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, Strin
         let text = name.to_string_lossy().replace('\\', "/");
         let read = files::read(folder, &text, MAX_MTL_BYTES).map_err(|e| e.to_string());
         let read = read.and_then(|bytes| {
-            let own = super::scene_file::document::hash_bytes(&bytes);
+            let own = crate::math::hash::hash_bytes(&bytes);
             hash.set(combine(hash.get(), own));
             read_mtl(&bytes).map_err(|message| format!("file \"{text}\": {message}"))
         });
@@ -295,7 +295,7 @@ impl Reader<'_> {
             let read = files::read(self.folder, &name, MAX_IMAGE_BYTES)
                 .map_err(|problem| problem.to_string())
                 .and_then(|bytes| {
-                    let hash = super::scene_file::document::hash_bytes(&bytes);
+                    let hash = crate::math::hash::hash_bytes(&bytes);
                     self.model.hash = combine(self.model.hash, hash);
                     image_file::decode(
                         &bytes,

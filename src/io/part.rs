@@ -4,8 +4,8 @@
 //! row, channels innermost), u64 checksum of everything before it. Integer sums: any order of merging gives the same bits.
 
 use super::atomic::{FileError, write_atomic};
-use super::scene_file::document::hash_bytes;
 use crate::film::Crop;
+use crate::math::hash::hash_bytes;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Write;

@@ -1,4 +1,4 @@
-//! Counter-based random numbers: a pure function of a key and a counter.
+//! Counter-based random numbers: a pure function of a key and a counter; and hashes of bytes.
 
 /// The finalizer of SplitMix64 (Steele, Lea, Flood 2014): a bijection of the 64-bit integers whose
 /// output bits pass statistical tests when the input counts upwards.
@@ -26,4 +26,14 @@ pub const fn random_bits(key: u64, counter: u64) -> u64 {
 pub fn unit_f64(bits: u64) -> f64 {
     // 2^-53; the shifted integer is exact in f64
     (bits >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
+}
+
+/// A hash of a string of bytes, its length included.
+#[must_use]
+pub fn hash_bytes(bytes: &[u8]) -> u64 {
+    bytes.chunks(8).fold(bytes.len() as u64, |hash, chunk| {
+        let mut word = [0; 8];
+        word[..chunk.len()].copy_from_slice(chunk);
+        combine(hash, u64::from_le_bytes(word))
+    })
 }

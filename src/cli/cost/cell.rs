@@ -12,7 +12,7 @@ use super::super::{CliError, args::VERSION};
 use super::matrix::Variant;
 use crate::io::atomic::write_atomic;
 use crate::io::exr::{self, Channel};
-use crate::io::scene_file::document::hash_bytes;
+use crate::math::hash::hash_bytes;
 use crate::render::{OutputRequest, Render};
 use serde::{Deserialize, Serialize};
 use std::io::Write as _;

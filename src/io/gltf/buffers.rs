@@ -1,7 +1,7 @@
 //! Bytes of a glTF file: URIs, buffers, views, accessors. Nothing is allocated before it is known to be there.
 
 use super::{Fault, hashed};
-use crate::io::scene_file::files;
+use crate::io::files;
 use gltf::json::accessor::{ComponentType, GenericComponentType, IndexComponentType, Type};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, accessor, buffer};

@@ -190,5 +190,5 @@ fn container(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Fault> {
 
 /// A hash of further bytes.
 fn hashed(hash: u64, bytes: &[u8]) -> u64 {
-    combine(hash, crate::io::scene_file::document::hash_bytes(bytes))
+    combine(hash, crate::math::hash::hash_bytes(bytes))
 }

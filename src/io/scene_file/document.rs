@@ -2,7 +2,7 @@
 //! wrong, so that every problem is reported at once.
 
 use super::error::{Place, Problem, SceneFileError};
-use crate::math::hash::combine;
+use crate::math::hash::{combine, hash_bytes};
 use serde::de::DeserializeOwned;
 use std::ops::Range;
 use toml::Spanned;
@@ -406,14 +406,4 @@ fn hash_value(value: &DeValue<'_>) -> u64 {
         ),
     };
     combine(tag, hash)
-}
-
-/// A hash of a string of bytes, its length included.
-#[must_use]
-pub fn hash_bytes(bytes: &[u8]) -> u64 {
-    bytes.chunks(8).fold(bytes.len() as u64, |hash, chunk| {
-        let mut word = [0; 8];
-        word[..chunk.len()].copy_from_slice(chunk);
-        combine(hash, u64::from_le_bytes(word))
-    })
 }

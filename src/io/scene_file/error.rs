@@ -2,6 +2,7 @@
 //!
 //! Variants are told apart by who must act: a typing mistake, a value, a file on disk.
 
+use crate::io::files::FileProblem;
 use std::fmt;
 use strsim::levenshtein;
 
@@ -36,32 +37,9 @@ pub enum Problem {
     /// Keys that contradict each other or are missing.
     #[error("{0}")]
     Conflict(String),
-    /// A file that is not there.
-    #[error("file \"{0}\" not found (paths are relative to the scene file)")]
-    MissingFile(String),
-    /// A path that leaves the folder of the scene file.
-    #[error(
-        "file \"{0}\" is outside the scene's folder (allowed: a relative path without \"..\" into the folder of the scene file)"
-    )]
-    OutsideFolder(String),
-    /// A file above its size limit.
-    #[error("file \"{path}\" has {bytes} bytes (allowed: at most {limit})")]
-    TooLarge {
-        /// The path as written.
-        path: String,
-        /// Its size.
-        bytes: u64,
-        /// The limit in bytes.
-        limit: u64,
-    },
-    /// A file that is there but cannot be used.
-    #[error("file \"{path}\": {message}")]
-    BadFile {
-        /// The path as written.
-        path: String,
-        /// What is wrong, with the line where known.
-        message: String,
-    },
+    /// A file that cannot be had or used.
+    #[error(transparent)]
+    File(#[from] FileProblem),
 }
 
 fn hint(suggestion: Option<&str>, known: &[String]) -> String {

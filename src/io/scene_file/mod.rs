@@ -7,7 +7,6 @@
 mod check;
 pub mod document;
 mod error;
-pub(in crate::io) mod files;
 mod plan;
 mod resolve;
 mod schema;
@@ -17,6 +16,7 @@ pub use schema::OutputUnits;
 
 use crate::io::atomic::folder;
 use crate::io::convert::shortest_scene;
+use crate::io::files::{self, FileProblem};
 use crate::io::model_file::ModelKind;
 use crate::math::hash::combine;
 use crate::scene::description::SceneDescription;
@@ -155,9 +155,11 @@ fn finish(checked: CheckedScene) -> Result<LoadedScene, SceneFileErrors> {
 
 fn read_scene_text(path: &Path) -> Result<String, Problem> {
     let name = path.display().to_string();
-    let bad = |message: String| Problem::BadFile {
-        path: name.clone(),
-        message,
+    let bad = |message: String| {
+        Problem::from(FileProblem::Bad {
+            path: name.clone(),
+            message,
+        })
     };
     let file = File::open(path).map_err(|e| bad(e.to_string()))?;
     let mut bytes = Vec::new();
@@ -166,11 +168,12 @@ fn read_scene_text(path: &Path) -> Result<String, Problem> {
         .map_err(|e| bad(e.to_string()))?;
     if bytes.len() as u64 > files::MAX_SCENE_BYTES {
         let size = path.metadata().map_or(bytes.len() as u64, |m| m.len());
-        return Err(Problem::TooLarge {
+        return Err(FileProblem::TooLarge {
             path: name,
             bytes: size,
             limit: files::MAX_SCENE_BYTES,
-        });
+        }
+        .into());
     }
     String::from_utf8(bytes).map_err(|e| {
         bad(format!(
@@ -196,7 +199,7 @@ fn hash_file(path: &Path) -> std::io::Result<u64> {
         if filled == 0 {
             return Ok(hash);
         }
-        hash = combine(hash, document::hash_bytes(&block[..filled]));
+        hash = combine(hash, crate::math::hash::hash_bytes(&block[..filled]));
     }
 }
 

@@ -17,6 +17,7 @@ use crate::camera::perspective::{Perspective, ThinLens};
 use crate::camera::{Camera, Resolution};
 use crate::film::Filter as FilmFilter;
 use crate::geometry::{Link, Shape, Shutter, Transform};
+use crate::io::files::FileProblem;
 use crate::io::model_file::ModelKind;
 use crate::io::{obj, ply};
 use crate::light::Light;
@@ -123,10 +124,11 @@ impl Resolver<'_> {
     fn bad_file(&mut self, at: &Span, name: &str, message: String) {
         self.error(
             at,
-            Problem::BadFile {
+            FileProblem::Bad {
                 path: name.to_owned(),
                 message,
-            },
+            }
+            .into(),
         );
     }
 
@@ -299,9 +301,11 @@ impl Resolver<'_> {
     }
 
     fn mesh(&mut self, plan: &MeshPlan) -> Option<Shape> {
-        let bad = |frame: &FramePlan, message: String| Problem::BadFile {
-            path: frame.name.clone(),
-            message,
+        let bad = |frame: &FramePlan, message: String| {
+            Problem::from(FileProblem::Bad {
+                path: frame.name.clone(),
+                message,
+            })
         };
         if let [file] = plan.frames.as_slice() {
             let read = match file.kind {

@@ -11,11 +11,11 @@ mod transform;
 
 use super::document::Source;
 use super::error::{Problem, SceneFileError};
-use super::files;
 use super::plan::{
     IorPlan, LightPlan, MaterialPlan, MediumPlan, MeshPlan, Plan, Span, SpectrumPlan,
 };
 use super::schema::{At, Named, SceneFile};
+use crate::io::files;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -302,7 +302,7 @@ impl Checker<'_> {
                 Some(path)
             }
             Err(problem) => {
-                self.error(&name.span(), problem);
+                self.error(&name.span(), problem.into());
                 None
             }
         }
@@ -314,7 +314,7 @@ impl Checker<'_> {
             return Vec::new();
         };
         files::read_csv(&path, name.get_ref()).unwrap_or_else(|problem| {
-            self.error(&name.span(), problem);
+            self.error(&name.span(), problem.into());
             Vec::new()
         })
     }

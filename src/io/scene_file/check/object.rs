@@ -1,6 +1,5 @@
 //! Objects, their transforms and media, and lights.
 
-use super::super::files::MAX_OBJ_BYTES;
 use super::super::plan::{
     FramePlan, ImagePlan, LightKind, LightPlan, LobePlan, MaterialPlan, MeshPlan, ModelPlan,
     ObjectPlan, ShapePlan, Span,
@@ -13,6 +12,7 @@ use super::sensor::{DEFAULT_RESOLUTION, FILTER_RADIUS};
 use super::spectrum::Use;
 use super::transform::euler;
 use super::{Allowed, Checker, FINITE, NON_NEGATIVE, POSITIVE, label};
+use crate::io::files::MAX_OBJ_BYTES;
 use crate::io::image_file::MAX_IMAGE_BYTES;
 use crate::io::model::{MAX_MODEL_BYTES, Staging};
 use crate::io::model_file::ModelKind;

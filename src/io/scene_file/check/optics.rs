@@ -10,6 +10,7 @@ use super::super::schema::{
 };
 use super::spectrum::Use;
 use super::{Allowed, Checker, FINITE, NON_NEGATIVE, POSITIVE, Span, UNIT_INTERVAL};
+use crate::io::files::FileProblem;
 
 const INDEX: Allowed = Allowed {
     text: "1 to 10",
@@ -95,10 +96,11 @@ impl Checker<'_> {
             );
             self.error(
                 &file.span(),
-                Problem::BadFile {
+                FileProblem::Bad {
                     path: file.get_ref().clone(),
                     message,
-                },
+                }
+                .into(),
             );
         }
         Some(IorPlan::Table {

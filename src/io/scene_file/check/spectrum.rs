@@ -4,6 +4,7 @@ use super::super::error::Problem;
 use super::super::plan::{SpectrumPlan, SpectrumSource};
 use super::super::schema::{At, Encoding, Spectrum, SpectrumTable};
 use super::{Checker, FINITE, NON_NEGATIVE, POSITIVE, Span};
+use crate::io::files::FileProblem;
 
 /// What a spectrum is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,10 +132,11 @@ impl Checker<'_> {
                 );
                 self.error(
                     &file.span(),
-                    Problem::BadFile {
+                    FileProblem::Bad {
                         path: file.get_ref().clone(),
                         message,
-                    },
+                    }
+                    .into(),
                 );
             }
             return Some(SpectrumSource::Table(rows));

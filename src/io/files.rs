@@ -1,6 +1,5 @@
 //! Files that a scene names: inside its folder, of bounded size.
 
-use super::error::Problem;
 use std::path::{Component, Path, PathBuf};
 
 /// Largest scene file.
@@ -10,28 +9,59 @@ pub const MAX_CSV_BYTES: u64 = 16 << 20;
 /// Largest mesh file.
 pub const MAX_OBJ_BYTES: u64 = 2 << 30;
 
+/// Why a file that another one names cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FileProblem {
+    /// A file that is not there.
+    #[error("file \"{0}\" not found (paths are relative to the scene file)")]
+    Missing(String),
+    /// A path that leaves the folder of the scene file.
+    #[error(
+        "file \"{0}\" is outside the scene's folder (allowed: a relative path without \"..\" into the folder of the scene file)"
+    )]
+    OutsideFolder(String),
+    /// A file above its size limit.
+    #[error("file \"{path}\" has {bytes} bytes (allowed: at most {limit})")]
+    TooLarge {
+        /// The path as written.
+        path: String,
+        /// Its size.
+        bytes: u64,
+        /// The limit in bytes.
+        limit: u64,
+    },
+    /// A file that is there but cannot be used.
+    #[error("file \"{path}\": {message}")]
+    Bad {
+        /// The path as written.
+        path: String,
+        /// What is wrong, with the line where known.
+        message: String,
+    },
+}
+
 /// The file `name` in `folder`, which must be a plain relative path that does not leave the folder, also not by a
 /// symbolic link, and at most `limit` bytes.
-pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, Problem> {
+pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, FileProblem> {
     let plain = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
     if !Path::new(name).components().all(plain) || name.contains('\\') {
-        return Err(Problem::OutsideFolder(name.to_owned()));
+        return Err(FileProblem::OutsideFolder(name.to_owned()));
     }
-    let missing = |_| Problem::MissingFile(name.to_owned());
+    let missing = |_| FileProblem::Missing(name.to_owned());
     let folder = folder.canonicalize().map_err(missing)?;
     let path = folder.join(name).canonicalize().map_err(missing)?;
     if !path.starts_with(&folder) {
-        return Err(Problem::OutsideFolder(name.to_owned()));
+        return Err(FileProblem::OutsideFolder(name.to_owned()));
     }
     let metadata = path.metadata().map_err(missing)?;
     if !metadata.is_file() {
-        return Err(Problem::BadFile {
+        return Err(FileProblem::Bad {
             path: name.to_owned(),
             message: "not a file".to_owned(),
         });
     }
     if metadata.len() > limit {
-        return Err(Problem::TooLarge {
+        return Err(FileProblem::TooLarge {
             path: name.to_owned(),
             bytes: metadata.len(),
             limit,
@@ -41,8 +71,8 @@ pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, Problem> {
 }
 
 /// The bytes of the file `name` in `folder`, as [`find`] finds it.
-pub fn read(folder: &Path, name: &str, limit: u64) -> Result<Vec<u8>, Problem> {
-    std::fs::read(find(folder, name, limit)?).map_err(|e| Problem::BadFile {
+pub fn read(folder: &Path, name: &str, limit: u64) -> Result<Vec<u8>, FileProblem> {
+    std::fs::read(find(folder, name, limit)?).map_err(|e| FileProblem::Bad {
         path: name.to_owned(),
         message: e.to_string(),
     })
@@ -50,8 +80,8 @@ pub fn read(folder: &Path, name: &str, limit: u64) -> Result<Vec<u8>, Problem> {
 
 /// Rows of 2 to `N` numbers separated by commas, semicolons, tabs or blanks; missing columns are 0. Empty lines, `#`
 /// comments and one header line without numbers are passed over. The first column (nm) must ascend.
-pub fn read_csv<const N: usize>(path: &Path, name: &str) -> Result<Vec<[f64; N]>, Problem> {
-    let bad = |message: String| Problem::BadFile {
+pub fn read_csv<const N: usize>(path: &Path, name: &str) -> Result<Vec<[f64; N]>, FileProblem> {
+    let bad = |message: String| FileProblem::Bad {
         path: name.to_owned(),
         message,
     };
@@ -142,7 +172,7 @@ mod tests {
         assert!(find(&inner, "./a.csv", 3).is_ok());
         assert!(matches!(
             find(&inner, "a.csv", 2),
-            Err(Problem::TooLarge {
+            Err(FileProblem::TooLarge {
                 bytes: 3,
                 limit: 2,
                 ..
@@ -150,7 +180,7 @@ mod tests {
         ));
         assert!(matches!(
             find(&inner, "b.csv", 3),
-            Err(Problem::MissingFile(_))
+            Err(FileProblem::Missing(_))
         ));
         let absolute = inner.join("a.csv");
         for name in [
@@ -160,7 +190,7 @@ mod tests {
             "..\\secret.csv",
         ] {
             assert!(
-                matches!(find(&inner, name, 3), Err(Problem::OutsideFolder(_))),
+                matches!(find(&inner, name, 3), Err(FileProblem::OutsideFolder(_))),
                 "{name}"
             );
         }
@@ -170,7 +200,7 @@ mod tests {
                 .expect("link");
             assert!(matches!(
                 find(&inner, "link.csv", 3),
-                Err(Problem::OutsideFolder(_))
+                Err(FileProblem::OutsideFolder(_))
             ));
         }
     }
