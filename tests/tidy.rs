@@ -31,13 +31,12 @@ const STRANGERS: [(&str, &str); 3] = [
 ];
 const MAX_LINES: usize = 700;
 /// Crates that only some files may name, so that replacing one touches only those.
-const CRATES: [(&str, &[&str]); 9] = [
+const CRATES: [(&str, &[&str]); 8] = [
     ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
         &["io/scene_file/", "spectrum/read.rs", "spectrum/library.rs"],
     ),
-    ("tobj", &["io/obj.rs", "io/mtl.rs"]),
     (
         "exr",
         &["io/exr.rs", "io/exr_header.rs", "io/image_file/open_exr.rs"],

@@ -13,6 +13,7 @@ pub mod model;
 pub mod model_file;
 pub mod mtl;
 pub mod obj;
+mod origin;
 pub mod part;
 pub mod ply;
 pub mod png;

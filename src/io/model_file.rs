@@ -2,7 +2,7 @@
 
 use super::atomic::folder;
 use super::gltf::read as read_gltf;
-use super::model::{Model, Staging, read_file};
+use super::model::{MAX_MODEL_BYTES, Model, Staging, read_file};
 use super::{mtl, ply};
 use std::path::Path;
 
@@ -49,9 +49,12 @@ pub fn load(path: &Path, kind: ModelKind, staging: &Staging) -> Result<Model, St
     let to_world = staging.to_world;
     let folder = folder(path);
     match kind {
-        ModelKind::Gltf => read_gltf(&read_file(path)?, folder, staging),
+        ModelKind::Gltf => read_gltf(&read_file(path, MAX_MODEL_BYTES)?, folder, staging),
         ModelKind::Obj => mtl::load(path, to_world),
-        ModelKind::Ply => ply::load(path).map(|mesh| mtl::plain(mesh, path, to_world)),
+        ModelKind::Ply => ply::load(path).map(|loaded| Model {
+            notes: loaded.notes,
+            ..mtl::plain(loaded.mesh, loaded.origin, path, to_world)
+        }),
     }
     .map(|mut model| {
         let emits = model.objects.iter().any(|o| o.emission.is_some());

@@ -1,6 +1,6 @@
 //! A point that shines into a cone with a soft edge.
 //!
-//! Intensity is full within `falloff_start_rad` of the axis and falls by a smooth step in the cosine to 0 at
+//! Intensity is full within `falloff_start_rad` of the axis and falls by a smooth step in the cosine, or its square, to 0 at
 //! `cone_rad`. Directions are drawn exactly in proportion to it, so every emitted path has the same weight.
 
 use super::{DirectSample, EmissionSample, factor, placed_axis, point_end, posed, unit_from_to};
@@ -9,6 +9,41 @@ use crate::math::frame::Frame;
 use crate::spectrum::Emission;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
+
+/// How intensity falls at the edge: a function of t, which falls from 1 to 0 in proportion to the cosine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Falloff {
+    /// 3t² − 2t³.
+    #[default]
+    SmoothStep,
+    /// t² (what the glTF extension KHR_lights_punctual recommends).
+    Square,
+}
+
+impl Falloff {
+    fn at(self, t: f64) -> f64 {
+        match self {
+            Self::SmoothStep => t * t * (3.0 - 2.0 * t),
+            Self::Square => t * t,
+        }
+    }
+
+    /// Its mean over t.
+    fn mean(self) -> f64 {
+        match self {
+            Self::SmoothStep => 0.5,
+            Self::Square => 1.0 / 3.0,
+        }
+    }
+
+    /// The t below which lies the part `u` of its integral.
+    fn invert(self, u: f64) -> f64 {
+        match self {
+            Self::SmoothStep => invert_smooth_step(u),
+            Self::Square => u.cbrt().clamp(0.0, 1.0),
+        }
+    }
+}
 
 /// A spot light at the origin of its own space, around its +z axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +56,8 @@ pub struct SpotLight {
     pub cone_rad: f64,
     /// Half-angle of full intensity in radians, 0 <= `falloff_start_rad` <= `cone_rad`.
     pub falloff_start_rad: f64,
+    /// How it falls between.
+    pub falloff: Falloff,
 }
 
 /// 1 − cos without cancellation.
@@ -60,7 +97,14 @@ impl SpotLight {
             intensity,
             cone_rad,
             falloff_start_rad,
+            falloff: Falloff::default(),
         }
+    }
+
+    /// The same light with another edge.
+    #[must_use]
+    pub fn with_falloff(self, falloff: Falloff) -> Self {
+        Self { falloff, ..self }
     }
 
     /// Extent of the falloff in the cosine.
@@ -68,9 +112,9 @@ impl SpotLight {
         versine(self.cone_rad) - versine(self.falloff_start_rad)
     }
 
-    /// Flux per unit intensity: the integral of the falloff over directions (a smooth step has mean 1/2).
+    /// Flux per unit intensity: the integral of the falloff over directions.
     pub(super) fn flux_factor(&self) -> f64 {
-        TAU * (versine(self.falloff_start_rad) + 0.5 * self.soft_width())
+        TAU * (versine(self.falloff_start_rad) + self.falloff.mean() * self.soft_width())
     }
 
     /// Intensity relative to the axis, from `v` = 1 − cos of the angle to the axis.
@@ -79,11 +123,7 @@ impl SpotLight {
             return 1.0;
         }
         let t = (versine(self.cone_rad) - v) / self.soft_width();
-        if t > 0.0 {
-            t * t * (3.0 - 2.0 * t)
-        } else {
-            0.0
-        }
+        if t > 0.0 { self.falloff.at(t) } else { 0.0 }
     }
 
     fn falloff_along(&self, time: f64, direction: DVec3) -> f64 {
@@ -98,12 +138,13 @@ impl SpotLight {
 
     pub(super) fn sample_emission(&self, time: f64, u_dir: DVec2) -> Option<EmissionSample> {
         let full = versine(self.falloff_start_rad);
-        let soft = 0.5 * self.soft_width();
+        let soft = self.falloff.mean() * self.soft_width();
         let u = u_dir.x * (full + soft);
         let v = if u < full {
             u
         } else {
-            versine(self.cone_rad) - self.soft_width() * invert_smooth_step(1.0 - (u - full) / soft)
+            versine(self.cone_rad)
+                - self.soft_width() * self.falloff.invert(1.0 - (u - full) / soft)
         };
         let sin = (v * (2.0 - v)).max(0.0).sqrt();
         let (y, x) = (TAU * u_dir.y).sin_cos();

@@ -8,11 +8,11 @@ use super::mesh::Arrays;
 use super::{Fault, MAX_TRIANGLES, Reader};
 use crate::geometry::deforming::DeformingError;
 use crate::geometry::{Mesh, MeshError, Shape, Shutter, Transform};
-use crate::io::model::{ModelCamera, Projection};
+use crate::io::model::{Model, ModelCamera, Projection};
 use crate::light::Light;
 use crate::light::directional::DirectionalLight;
 use crate::light::point::PointLight;
-use crate::light::spot::SpotLight;
+use crate::light::spot::{Falloff, SpotLight};
 use crate::material::MaterialId;
 use crate::medium::{Boundary, MediumId};
 use crate::scene::description::{AreaEmission, LightDescription, ObjectDescription};
@@ -83,8 +83,14 @@ impl Reader<'_> {
         for &i in &hierarchy.order {
             self.node(i, &hierarchy, &moves, &mut made)?;
         }
-        if self.model.objects.is_empty() {
-            return Err(Fault::new("the scene has no triangles"));
+        let Model {
+            objects,
+            lights,
+            cameras,
+            ..
+        } = &self.model;
+        if objects.is_empty() && lights.is_empty() && cameras.is_empty() {
+            return Err(Fault::new("the scene has no triangles, lights or cameras"));
         }
         Ok(())
     }
@@ -101,6 +107,7 @@ impl Reader<'_> {
             return Ok(());
         };
         let name = node.name.clone().unwrap_or_else(|| format!("node {i}"));
+        self.misplaced_glass(&node.extras, &format!("node \"{name}\""));
         if let Some(mesh) = node.mesh {
             let weights = moves.get(&i).and_then(|m| m.weights.as_ref());
             match self.deformation(node, i, weights, hierarchy)? {
@@ -190,9 +197,8 @@ impl Reader<'_> {
                         "light \"{name}\": cone angles {inner} and {outer} (allowed: 0 <= inner <= outer, outer > 0)"
                     )));
                 }
-                Light::Spot(SpotLight::aimed(
-                    position, direction, emission, outer, inner,
-                ))
+                let spot = SpotLight::aimed(position, direction, emission, outer, inner);
+                Light::Spot(spot.with_falloff(Falloff::Square))
             }
             Checked::Invalid => {
                 self.note(format!("light \"{name}\" is of an unknown kind: ignored"));
@@ -314,9 +320,11 @@ impl Reader<'_> {
             .meshes
             .get(index)
             .ok_or_else(|| Fault::missing("mesh", index))?;
+        self.misplaced_glass(&mesh.extras, &format!("mesh {index}"));
         let mut by_material: BTreeMap<Option<usize>, Option<Arrays>> = BTreeMap::new();
         for (i, primitive) in mesh.primitives.iter().enumerate() {
             let what = format!("mesh {index}, primitive {i}");
+            self.misplaced_glass(&primitive.extras, &what);
             let id = primitive.material.map(|m| m.value());
             let source = self.source(id)?;
             let Some(arrays) = self.primitive(primitive, coordinate_set(&source), &what)? else {

@@ -19,7 +19,8 @@ use crate::film::Filter as FilmFilter;
 use crate::geometry::{Link, Shape, Shutter, Transform};
 use crate::io::files::FileProblem;
 use crate::io::model_file::ModelKind;
-use crate::io::{obj, ply};
+use crate::io::obj::{self, Loaded};
+use crate::io::ply;
 use crate::light::Light;
 use crate::light::beam::BeamLight;
 use crate::light::directional::DirectionalLight;
@@ -35,7 +36,7 @@ use crate::spectrum::emission::Line;
 use crate::spectrum::library::{Library, LibraryError};
 use crate::spectrum::{Curve, Emission, Ior, upsample};
 use crate::texture::{Image, SpectrumTexture};
-use glam::{DAffine3, DMat3};
+use glam::{DAffine3, DMat3, DVec3};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -102,7 +103,8 @@ impl Resolver<'_> {
     }
 
     fn scene(&mut self, plan: &Plan, hash: u64) -> SceneDescription {
-        let meshes: Vec<Option<Shape>> = plan.meshes.iter().map(|m| self.mesh(m)).collect();
+        let meshes: Vec<Option<(Shape, DVec3)>> =
+            plan.meshes.iter().map(|m| self.mesh(m)).collect();
         let mut scene = SceneDescription {
             media: plan.media.iter().map(|m| self.medium(m)).collect(),
             materials: plan.materials.iter().map(|m| self.material(m)).collect(),
@@ -300,7 +302,8 @@ impl Resolver<'_> {
         }
     }
 
-    fn mesh(&mut self, plan: &MeshPlan) -> Option<Shape> {
+    /// A mesh, and where its zero is in the coordinates of its file.
+    fn mesh(&mut self, plan: &MeshPlan) -> Option<(Shape, DVec3)> {
         let bad = |frame: &FramePlan, message: String| {
             Problem::from(FileProblem::Bad {
                 path: frame.name.clone(),
@@ -313,7 +316,15 @@ impl Resolver<'_> {
                 _ => obj::load(&file.path).map_err(|e| e.to_string()),
             };
             return match read {
-                Ok(mesh) => Some(Shape::Mesh(Arc::new(mesh))),
+                Ok(Loaded {
+                    mesh,
+                    origin,
+                    notes,
+                }) => {
+                    let named = notes.into_iter().map(|n| format!("{}: {n}", file.name));
+                    self.notes.extend(named);
+                    Some((Shape::Mesh(Arc::new(mesh)), origin))
+                }
                 Err(message) => {
                     self.error(&file.at, bad(file, message));
                     None
@@ -323,7 +334,11 @@ impl Resolver<'_> {
         let mut frames = Vec::with_capacity(plan.frames.len());
         for file in &plan.frames {
             match obj::load_arrays(&file.path) {
-                Ok(arrays) => frames.push((file.time_s, arrays)),
+                Ok((arrays, notes)) => {
+                    let named = notes.into_iter().map(|n| format!("{}: {n}", file.name));
+                    self.notes.extend(named);
+                    frames.push((file.time_s, arrays));
+                }
                 Err(error) => self.error(&file.at, bad(file, error.to_string())),
             }
         }
@@ -331,7 +346,7 @@ impl Resolver<'_> {
             return None;
         }
         match obj::deforming(frames, self.shutter) {
-            Ok(shape) => Some(shape),
+            Ok(both) => Some(both),
             Err(error) => {
                 let file = &plan.frames[error.frame().min(plan.frames.len() - 1)];
                 self.error(&file.at, bad(file, error.to_string()));
@@ -341,14 +356,23 @@ impl Resolver<'_> {
     }
 
     /// `None` where its mesh could not be read, which has been reported.
-    fn object(&mut self, plan: &ObjectPlan, meshes: &[Option<Shape>]) -> Option<ObjectDescription> {
+    fn object(
+        &mut self,
+        plan: &ObjectPlan,
+        meshes: &[Option<(Shape, DVec3)>],
+    ) -> Option<ObjectDescription> {
+        let mut to_world = plan.to_world;
         let shape = match plan.shape {
             ShapePlan::Sphere => Shape::Sphere,
             ShapePlan::Disk { inner } => Shape::Disk { inner },
             ShapePlan::Quad => Shape::Quad,
             ShapePlan::Cylinder => Shape::Cylinder,
             ShapePlan::Box => Shape::Box,
-            ShapePlan::Mesh(index) => meshes.get(index)?.clone()?,
+            ShapePlan::Mesh(index) => {
+                let (shape, origin) = meshes.get(index)?.clone()?;
+                to_world *= DAffine3::from_translation(origin);
+                shape
+            }
         };
         if let (Some(at), Boundary::Solid { .. }) = (&plan.interior_at, plan.boundary)
             && !shape.is_closed()
@@ -389,7 +413,7 @@ impl Resolver<'_> {
         Some(ObjectDescription {
             name: plan.name.clone(),
             shape,
-            transform: self.placed(plan.to_world, &plan.motion),
+            transform: self.placed(to_world, &plan.motion),
             material: MaterialId(plan.material),
             boundary: plan.boundary,
             emission,

@@ -1,0 +1,316 @@
+//! Wavefront OBJ files.
+//!
+//! For [`load`] all objects and groups of a file are one mesh; `io::mtl` makes a mesh for each material. Polygons become
+//! triangle fans; points and lines are ignored. Missing normals stay missing (flat shading). Whatever the bytes, the result
+//! is valid meshes or an error that names the file and the line.
+
+mod arrays;
+pub mod parse;
+pub mod text;
+
+use super::model::{MAX_MODEL_BYTES, read_file};
+use super::origin::{Placed, placed};
+use crate::geometry::deforming::{self, DeformingError, Frame};
+use crate::geometry::{Mesh, MeshError, Shape, Shutter};
+pub use arrays::{Arrays, arrays};
+use glam::DVec3;
+use parse::AtLine;
+use std::path::{Path, PathBuf};
+
+/// Why an OBJ file was not read. Every message starts with the file.
+#[derive(Debug, thiserror::Error)]
+pub enum ObjError {
+    /// The file cannot be opened, is no file, or is too large.
+    #[error("{}: {message}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        message: String,
+    },
+    /// A line is not OBJ.
+    #[error("{}:{}: {}", path.display(), at.line, at.message)]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// Where, and what is wrong.
+        at: AtLine,
+    },
+    /// The triangles are no valid mesh.
+    #[error("{}: {source}", path.display())]
+    Mesh {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: MeshError,
+    },
+    /// No object has a face.
+    #[error("{}: no faces", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// A mesh of a file.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The mesh, about `origin`.
+    pub mesh: Mesh,
+    /// Where the zero of the mesh is in the coordinates of the file.
+    pub origin: DVec3,
+    /// What was not understood, one line each.
+    pub notes: Vec<String>,
+}
+
+/// Reads a file; [`Mesh::dropped`] tells how many of its triangles had no area.
+///
+/// # Errors
+/// [`ObjError`] if the file cannot be read, is too large, is malformed, or has no face of nonzero area.
+pub fn load(path: impl AsRef<Path>) -> Result<Loaded, ObjError> {
+    let path = path.as_ref();
+    loaded(&bytes(path)?, path)
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>, ObjError> {
+    read_file(path, MAX_MODEL_BYTES).map_err(|message| ObjError::Open {
+        path: path.to_owned(),
+        message,
+    })
+}
+
+fn loaded(bytes: &[u8], path: &Path) -> Result<Loaded, ObjError> {
+    let (arrays, mut notes) = parse_arrays(bytes, path)?;
+    let Placed {
+        origin,
+        positions,
+        note,
+    } = placed(&arrays.positions, &arrays.triangles);
+    notes.extend(note);
+    let mesh = Mesh::new(&positions, arrays.normals, arrays.uvs, arrays.triangles);
+    let mesh = mesh.map_err(|source| ObjError::Mesh {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok(Loaded {
+        mesh,
+        origin,
+        notes,
+    })
+}
+
+/// Reads the vertices and faces of a file, and what was not understood.
+///
+/// # Errors
+/// [`ObjError`] if the file cannot be read, is too large, is malformed, or has no face.
+pub fn load_arrays(path: &Path) -> Result<(Arrays, Vec<String>), ObjError> {
+    parse_arrays(&bytes(path)?, path)
+}
+
+/// Parses arbitrary bytes and drops the result: the entry point for fuzzing. Never panics.
+pub fn fuzz_obj(bytes: &[u8]) {
+    drop(loaded(bytes, Path::new("fuzz.obj")));
+}
+
+/// Reads OBJ text; `path` is for messages.
+fn parse_arrays(bytes: &[u8], path: &Path) -> Result<(Arrays, Vec<String>), ObjError> {
+    let parsed = parse::parse(bytes).map_err(|at| ObjError::Syntax {
+        path: path.to_owned(),
+        at,
+    })?;
+    let (arrays, note) = arrays(&parsed, parsed.groups.iter());
+    if arrays.triangles.is_empty() {
+        return Err(ObjError::Empty {
+            path: path.to_owned(),
+        });
+    }
+    let mut notes = parsed.notes;
+    notes.extend(note);
+    Ok((arrays, notes))
+}
+
+/// The mesh of several files, one per moment (seconds, ascending), over `shutter`. All have the same faces in the same order;
+/// texture coordinates are those of the first. Beside it, where its zero is in the coordinates of the files.
+///
+/// # Errors
+/// [`FramesError`] if the faces differ, or a frame is no mesh.
+pub fn deforming(
+    mut frames: Vec<(f64, Arrays)>,
+    shutter: Shutter,
+) -> Result<(Shape, DVec3), FramesError> {
+    let Some((_, first)) = frames.first() else {
+        return Err(FramesError::Mesh(DeformingError::NotAscending));
+    };
+    let expected = first.triangles.len();
+    if let Some(frame) = frames.iter().position(|f| f.1.triangles.len() != expected) {
+        let count = frames[frame].1.triangles.len();
+        return Err(FramesError::Faces {
+            frame,
+            count,
+            expected,
+        });
+    }
+    // programs that write OBJ merge equal normals, so that a vertex of one file may be several of another
+    if frames
+        .iter()
+        .any(|f| f.1.triangles != frames[0].1.triangles)
+    {
+        for (_, arrays) in &mut frames {
+            arrays.unroll();
+        }
+    }
+    let (uvs, triangles) = (
+        frames[0].1.uvs.take(),
+        std::mem::take(&mut frames[0].1.triangles),
+    );
+    let origin = placed(&frames[0].1.positions, &triangles).origin;
+    let frames: Vec<_> = frames
+        .into_iter()
+        .map(|(time_s, arrays)| Frame {
+            time_s,
+            positions: arrays.about(origin),
+            normals: arrays.normals,
+        })
+        .collect();
+    let shape = deforming::shape(&frames, uvs, triangles, shutter).map_err(FramesError::Mesh)?;
+    Ok((shape, origin))
+}
+
+/// Why files are not the frames of one mesh.
+#[derive(Debug, thiserror::Error)]
+pub enum FramesError {
+    /// A file has other faces than the first.
+    #[error("{count} triangles where the first frame has {expected}")]
+    Faces {
+        /// Which frame, from 0.
+        frame: usize,
+        /// Its triangles.
+        count: usize,
+        /// Those of the first.
+        expected: usize,
+    },
+    /// The frames are no mesh.
+    #[error("{0}")]
+    Mesh(DeformingError),
+}
+
+impl FramesError {
+    /// Which frame, from 0.
+    #[must_use]
+    pub fn frame(&self) -> usize {
+        match self {
+            Self::Faces { frame, .. }
+            | Self::Mesh(
+                DeformingError::Mesh { frame, .. } | DeformingError::WrongCount { frame, .. },
+            ) => *frame,
+            Self::Mesh(DeformingError::NotAscending) => 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Mesh, ObjError> {
+        loaded(text.as_bytes(), Path::new("some.obj")).map(|l| l.mesh)
+    }
+
+    const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+    #[test]
+    fn polygons_become_triangles_and_normals_stay_missing() {
+        let mesh = read(&format!("o square\n{SQUARE}f 1 2 3 4\n")).expect("valid");
+        assert_eq!(mesh.triangle_count(), 2);
+        assert!((mesh.area() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn objects_and_groups_are_one_mesh() {
+        let mesh = read(&format!("{SQUARE}o a\nf 1 2 3\no b\nf 1 3 4\n")).expect("valid");
+        assert_eq!(mesh.triangle_count(), 2);
+        assert!((mesh.area() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn negative_indices_count_from_the_end_and_lines_are_ignored() {
+        let mesh = read(&format!("{SQUARE}f -4 -3 -2\nl 1 2\np 3\n")).expect("valid");
+        assert_eq!(mesh.triangle_count(), 1);
+        assert_eq!(mesh.dropped(), 0);
+    }
+
+    #[test]
+    fn faces_without_area_are_dropped_and_counted() {
+        let mesh = read(&format!("{SQUARE}f 1 2 3\nf 1 2 2\nf 1 1 1\n")).expect("valid");
+        assert_eq!((mesh.triangle_count(), mesh.dropped()), (1, 2));
+    }
+
+    #[test]
+    fn bad_files_are_errors_that_name_the_file() {
+        for bad in [
+            "",
+            "f 1 2 3\n",
+            "v 0 0\n",
+            "v 0 0 0\nf 1 1 1\n",
+            "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+            "v inf 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 99999999999999999999\n",
+        ] {
+            let message = read(bad).expect_err(bad).to_string();
+            assert!(message.starts_with("some.obj:"), "{bad}: {message}");
+        }
+        let message = load("/nonexistent/a.obj")
+            .expect_err("no such file")
+            .to_string();
+        assert!(message.contains("a.obj"), "{message}");
+        assert!(load(std::env::temp_dir()).is_err());
+    }
+
+    #[test]
+    fn garbled_bytes_never_panic() {
+        let good = format!(
+            "{SQUARE}vn 0 0 1\nvt 0 0\ng a\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf -1//1 -2//1 1//1\n"
+        );
+        for i in 0..good.len() {
+            fuzz_obj(&good.as_bytes()[..i]);
+            for byte in [0u8, b'-', b'9', b'/', b' ', b'\n', b'e', 0xff] {
+                let mut bytes = good.clone().into_bytes();
+                bytes[i] = byte;
+                fuzz_obj(&bytes);
+            }
+        }
+    }
+
+    fn arrays(text: &str) -> Arrays {
+        let path = Path::new("some.obj");
+        parse_arrays(text.as_bytes(), path).expect("valid").0
+    }
+
+    #[test]
+    fn frames_may_share_normals_in_different_ways_but_not_have_other_faces() {
+        let shutter = Shutter {
+            open_s: 0.0,
+            close_s: 1.0,
+        };
+        let shared =
+            "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\nf 1//1 3//1 4//1\n";
+        let split = "v 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 0\nvn 0 0 1\nvn 0 1 1\nf 1//1 2//1 3//1\nf 1//2 3//2 4//2\n";
+        let frames = vec![(0.0, arrays(shared)), (1.0, arrays(split))];
+        match deforming(frames, shutter).expect("same faces").0 {
+            Shape::Deforming(mesh) => {
+                assert_eq!(mesh.triangle_count(), 2);
+                // the mesh orders its triangles anew
+                let moved = glam::dvec3(1.0, 1.0, 0.5);
+                assert!((0..2).all(|i| mesh.corners(i, 0.5).contains(&moved)));
+            }
+            other => panic!("{other:?}"),
+        }
+        let fewer = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n";
+        let frames = vec![(0.0, arrays(shared)), (1.0, arrays(fewer))];
+        let error = deforming(frames, shutter).expect_err("one face is missing");
+        assert_eq!(error.frame(), 1);
+        assert_eq!(error.to_string(), "1 triangles where the first frame has 2");
+    }
+}
