@@ -1,5 +1,6 @@
 //! Images in memory: bytes as they were decoded, or floats; filtered in linear light.
 
+use std::ops::Range;
 use std::sync::LazyLock;
 
 /// Most texels of an image (a square of 16384).
@@ -234,6 +235,23 @@ impl Image {
         self.levels[level].texel(x, y)
     }
 
+    /// How many texels have a channel of `channels` (0 red ... 3 coverage) above `limit`, and column and row of the first.
+    #[must_use]
+    pub fn above(&self, limit: f32, channels: Range<usize>) -> Option<(usize, [usize; 2])> {
+        let level = &self.levels[0];
+        if limit >= 1.0 && !matches!(level.texels, Texels::Floats(_)) {
+            return None;
+        }
+        let width = level.width;
+        let exceeds = |&i: &usize| {
+            let texel = level.texel(i % width, i / width);
+            texel[channels.clone()].iter().any(|v| *v > limit)
+        };
+        let mut found = (0..width * level.height).filter(exceeds);
+        let first = found.next()?;
+        Some((1 + found.count(), [first % width, first / width]))
+    }
+
     /// Memory held, in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
@@ -280,6 +298,20 @@ mod tests {
         let bright = Image::from_floats(1, 1, vec![[1e4, 0.0, 2.0]]).expect("valid");
         assert_eq!(bright.texel(0, 0, 0), [1e4, 0.0, 2.0, 1.0]);
         assert_eq!(bright.bytes(), 12);
+    }
+
+    #[test]
+    fn texels_above_a_limit_are_counted() {
+        let values = vec![[0.5, 1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 1.5]];
+        let image = Image::from_floats(1, 3, values).expect("valid");
+        assert_eq!(image.above(1.0, 0..3), Some((2, [0, 1])));
+        assert_eq!(image.above(1.0, 1..2), None);
+        assert_eq!(image.above(0.4, 0..1), Some((2, [0, 0])));
+        let bytes = Image::from_bytes(1, 1, vec![[255; 4]], false).expect("valid");
+        assert_eq!(
+            (bytes.above(1.0, 0..3), bytes.above(0.5, 3..4)),
+            (None, Some((1, [0, 0])))
+        );
     }
 
     #[test]

@@ -439,7 +439,7 @@ mod tests {
             ),
             (
                 text("0 0 0\n1 0 0\n1 1 0\n0 1 0 4 4\n"),
-                "the file ends before its last element",
+                "claims 1 of element \"face\", 0 bytes are left: truncated or damaged",
             ),
         ] {
             assert_eq!(

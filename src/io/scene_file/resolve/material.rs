@@ -9,6 +9,7 @@ use crate::io::image_file::{self, Encoding};
 use crate::material::{Coverage, LobeSpec, Material, NormalMap};
 use crate::spectrum::Curve;
 use crate::texture::{Filter, Image, ImageTexture, ScalarTexture, SpectrumTexture};
+use std::ops::Range;
 use std::sync::Arc;
 
 impl Resolver<'_> {
@@ -83,6 +84,19 @@ impl Resolver<'_> {
         })
     }
 
+    /// Holds the texels that stand for a key to its limit of 1.
+    fn hold(&mut self, plan: &TexturePlan, image: &Image, factor: f64, channels: Range<usize>) {
+        // a rounding above 1 is no fault of the file
+        let limit = (1.0 + 1e-6) / factor.max(f64::MIN_POSITIVE);
+        if let Some((count, [column, row])) = image.above(limit as f32, channels) {
+            let texels = if count == 1 { "texel is" } else { "texels are" };
+            let message = format!(
+                "{count} {texels} above 1 after the factor {factor} (allowed: 0 to 1), the first at column {column}, row {row}"
+            );
+            self.bad_file(&plan.at, &plan.name, message);
+        }
+    }
+
     pub(super) fn scalar(&mut self, plan: &ScalarPlan) -> ScalarTexture {
         match plan {
             ScalarPlan::Constant(value) => (*value).into(),
@@ -92,11 +106,14 @@ impl Resolver<'_> {
                 factor,
             } => match self.texture(texture) {
                 None => (*factor).into(),
-                Some(texture) => ScalarTexture::Image {
-                    texture,
-                    channel: *channel,
+                Some(read) => {
+                    self.hold(texture, &read.image, *factor, *channel..*channel + 1);
+                    ScalarTexture::Image {
+                        texture: read,
+                        channel: *channel,
+                    }
+                    .times(*factor)
                 }
-                .times(*factor),
             },
         }
     }
@@ -108,10 +125,13 @@ impl Resolver<'_> {
         };
         match self.texture(texture) {
             None => Curve::Constant(0.0).into(),
-            Some(texture) => SpectrumTexture::Image {
-                texture,
-                factor: [plan.scale as f32; 3],
-            },
+            Some(read) => {
+                self.hold(texture, &read.image, plan.scale, 0..3);
+                SpectrumTexture::Image {
+                    texture: read,
+                    factor: [plan.scale as f32; 3],
+                }
+            }
         }
     }
 
