@@ -6,6 +6,7 @@
 mod animation;
 mod buffers;
 mod deform;
+mod glass;
 mod hierarchy;
 mod material;
 mod mesh;

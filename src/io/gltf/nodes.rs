@@ -2,8 +2,9 @@
 
 use super::animation::AllMoves;
 use super::deform::{self, Deformation};
+use super::glass::has_volume;
 use super::hierarchy::{Hierarchy, Place, rigid};
-use super::material::{Converted, PER_NIT, coordinate_set, has_volume};
+use super::material::{Converted, PER_NIT, coordinate_set};
 use super::mesh::Arrays;
 use super::{Fault, MAX_TRIANGLES, Reader};
 use crate::geometry::deforming::DeformingError;

@@ -65,7 +65,7 @@ pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<Decoded, String> {
 
 fn decode_limited(bytes: &[u8], encoding: Encoding, limits: Limits) -> Result<Decoded, String> {
     match bytes {
-        [0x89, b'P', b'N', b'G', ..] => png::decode(bytes, encoding, limits),
+        [0x89, b'P', b'N', b'G', ..] => self::png::decode(bytes, encoding, limits),
         [0xff, 0xd8, ..] => jpeg::decode(bytes, encoding, limits),
         [0x76, 0x2f, 0x31, 0x01, ..] => open_exr::decode(bytes, encoding, limits),
         [b'#', b'?', ..] => radiance::decode(bytes, encoding, limits),

@@ -163,7 +163,7 @@ pub fn decode(
     bits.marker()
 }
 
-fn table<'t>(table: Option<&'t Huffman>) -> Result<&'t Huffman, String> {
+fn table(table: Option<&Huffman>) -> Result<&Huffman, String> {
     table.ok_or_else(|| "a Huffman table is missing".to_owned())
 }
 

@@ -117,10 +117,10 @@ fn read(bytes: &[u8]) -> Result<(Arrays, Vec<String>), String> {
 
 /// The index of a property among `names`, where it is no list.
 fn slot(property: &Property, names: &[&[&str]]) -> Option<usize> {
-    let of = |n: &&[&str]| n.contains(&property.name.as_str());
+    let of = |n: &[&str]| n.contains(&property.name.as_str());
     names
         .iter()
-        .position(|n| of(&n))
+        .position(|n| of(n))
         .filter(|_| property.list.is_none())
 }
 
