@@ -17,13 +17,14 @@ use crate::scene::description::{
 use crate::spectrum::Emission;
 use crate::texture::Image;
 use glam::{DAffine3, DMat3, DVec3};
+use std::io::Read as _;
 use std::path::Path;
 use std::sync::Arc;
 
 /// Most pixels of an image: the sums of 2^28 pixels take 26 GB.
 pub const MAX_PIXELS: u64 = 1 << 28;
 /// Largest model file.
-pub const MAX_MODEL_BYTES: u64 = 4 << 30;
+pub const MAX_MODEL_BYTES: u64 = 2 << 30;
 
 /// How a camera of a model projects.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,13 +93,25 @@ pub struct Staging {
     pub shutter: Shutter,
 }
 
-/// The bytes of a file of bounded size.
-pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, String> {
-    let size = path.metadata().map_err(|e| e.to_string())?.len();
-    if size > MAX_MODEL_BYTES {
-        return Err(format!("{size} bytes (allowed: at most {MAX_MODEL_BYTES})"));
+/// The bytes of a regular file of at most `limit` bytes: pipes and devices may never end.
+pub(super) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, String> {
+    let metadata = path.metadata().map_err(|e| e.to_string())?;
+    if !metadata.is_file() {
+        return Err("not a file".to_owned());
     }
-    std::fs::read(path).map_err(|e| e.to_string())
+    let mut bytes = Vec::new();
+    if metadata.len() <= limit {
+        let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
+        bytes.reserve_exact(metadata.len() as usize);
+        // one byte more than allowed tells of a file that grows
+        let mut reader = file.take(limit + 1);
+        reader.read_to_end(&mut bytes).map_err(|e| e.to_string())?;
+    }
+    let size = metadata.len().max(bytes.len() as u64);
+    if size > limit {
+        return Err(format!("{size} bytes (allowed: at most {limit})"));
+    }
+    Ok(bytes)
 }
 
 impl Model {

@@ -1,5 +1,6 @@
 //! What every light must fulfil, whatever its kind, and closed forms of illumination.
 
+use super::spot::Falloff;
 use super::*;
 use crate::geometry::{Accel, AreaSampler, Instance, InstanceId, Shape};
 use crate::spectrum::{Curve, WavelengthDistribution};
@@ -119,6 +120,7 @@ fn lights() -> Vec<Light> {
             SpotLight {
                 cone_rad: 0.7,
                 falloff_start_rad: 0.2,
+                falloff: Falloff::SmoothStep,
             },
         ),
         Light::directional(axis, unit_emission()),

@@ -181,7 +181,9 @@ impl ObjectKeys {
     fn shape(&mut self, cx: &Reader<'_>) -> Option<Placed> {
         if let Some(mesh) = self.mesh.take() {
             // the vertices are in the file's unit
-            return Some((mesh.0?, DAffine3::from_scale(DVec3::splat(cx.unit_m))));
+            let (shape, local) = mesh.0?;
+            let to_meters = DAffine3::from_scale(DVec3::splat(cx.unit_m));
+            return Some((shape, to_meters * local));
         }
         first_given([
             self.sphere.take().map(|g| g.0),

@@ -7,10 +7,11 @@ use super::keys::Range;
 use super::material::MaterialFacts;
 use super::model::Unread;
 use super::render::VISIBLE_NM;
+use super::shape::Placed;
 use super::spectrum::Spectrum;
 use super::value::{At, FileName, MediumName};
 use crate::film::Filter;
-use crate::geometry::{Shape, Shutter};
+use crate::geometry::Shutter;
 use crate::io::files::{self, FileProblem};
 use crate::math::hash::{combine, hash_bytes};
 use crate::medium::MediumId;
@@ -56,9 +57,9 @@ pub struct Reader<'s> {
     /// `[material.NAME]`.
     pub materials: Definitions<MaterialFacts>,
     /// `[mesh.NAME]`.
-    pub meshes: Definitions<Shape>,
+    pub meshes: Definitions<Placed>,
     /// Meshes that have been read; `None` where they could not.
-    pub mesh_files: BTreeMap<MeshKey, Option<Shape>>,
+    pub mesh_files: BTreeMap<MeshKey, Option<Placed>>,
     /// Images by file, encoding and whether with a pyramid; `None` where they could not be read.
     pub images: BTreeMap<(PathBuf, bool, bool), Option<Arc<Image>>>,
     /// `[[model]]`, which are read last.
@@ -69,6 +70,8 @@ pub struct Reader<'s> {
     pub moves: bool,
     /// What is legal but surely not meant.
     pub warnings: Vec<String>,
+    /// What was not understood of other files, one line each.
+    pub notes: Vec<String>,
     /// Hashes of the files that were read, in the order in which they are named.
     pub file_hashes: Vec<u64>,
     /// Number of these when `[[object]]` is reached.
@@ -100,6 +103,7 @@ impl<'s> Reader<'s> {
             black: 0,
             moves: false,
             warnings: Vec::new(),
+            notes: Vec::new(),
             file_hashes: Vec::new(),
             files_before_objects: 0,
             hash_of_file: BTreeMap::new(),
@@ -208,6 +212,14 @@ impl<'s> Reader<'s> {
             message: message.into(),
         };
         self.error(&name.at, || problem.into());
+    }
+
+    /// Notes what the reader of a file has to say about it.
+    pub fn file_notes(&mut self, name: &At<FileName>, notes: Vec<String>) {
+        let said = notes
+            .into_iter()
+            .map(|note| format!("{}: {note}", name.value.0));
+        self.notes.extend(said);
     }
 
     /// The path of a file, which must be in the folder of the scene and of at most `limit` bytes.

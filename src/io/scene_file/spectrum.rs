@@ -371,13 +371,15 @@ impl Value for Reflectance {
         if spectrum.scale > 1.0 {
             let value = spectrum.scale.to_string();
             cx.out_of_range(spec.name, value, &spectrum.at, "0 to 1");
+        } else {
+            image.hold(spectrum.scale, 0..3, cx);
         }
         Some(Self {
             value: SpectrumTexture::Image {
                 texture: image.texture.clone()?,
                 factor: [spectrum.scale as f32; 3],
             },
-            image_at: Some(image.at.clone()),
+            image_at: Some(image.file.at.clone()),
         })
     }
 
@@ -475,7 +477,7 @@ impl Value for SurfaceEmission {
         Some(Self {
             radiance: Emission::from_rgb([spectrum.scale; 3]),
             pattern: image.texture.clone().map(pattern),
-            image_at: Some(image.at.clone()),
+            image_at: Some(image.file.at.clone()),
         })
     }
 }
