@@ -2,6 +2,7 @@
 
 use crate::film::AddSumsError;
 use crate::io::atomic::FileError;
+use crate::io::destination::ClaimError;
 use crate::io::exr::ExrError;
 use crate::io::loaded::LoadError;
 use crate::io::part::PartError;
@@ -30,6 +31,9 @@ pub enum CliError {
         /// What is wrong.
         message: String,
     },
+    /// An output that would destroy something.
+    #[error(transparent)]
+    Claim(#[from] ClaimError),
     /// A file that could not be written.
     #[error(transparent)]
     Write(#[from] FileError),
@@ -62,11 +66,20 @@ impl CliError {
         }
     }
 
+    /// Whether the same may succeed later: a disk that is full, a folder that is gone.
+    #[must_use]
+    pub fn may_pass(&self) -> bool {
+        matches!(
+            self,
+            Self::Write(_) | Self::Image(ExrError::File(_)) | Self::Part(PartError::File(_))
+        )
+    }
+
     /// 2 for wrong usage, else 1.
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Usage(_) => 2,
+            Self::Usage(_) | Self::Claim(ClaimError::Input(_) | ClaimError::Twice { .. }) => 2,
             Self::Load(error) => 1 + u8::from(error.is_usage()),
             Self::Report(error) => 1 + u8::from(error.is_usage()),
             _ => 1,

@@ -1,5 +1,7 @@
 //! Files that a scene names: inside its folder, of bounded size.
 
+use std::fs::File;
+use std::io::{self, Read as _};
 use std::path::{Component, Path, PathBuf};
 
 /// Largest scene file.
@@ -70,12 +72,39 @@ pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, FileProble
     Ok(path)
 }
 
-/// The bytes of the file `name` in `folder`, as [`find`] finds it.
-pub fn read(folder: &Path, name: &str, limit: u64) -> Result<Vec<u8>, FileProblem> {
-    std::fs::read(find(folder, name, limit)?).map_err(|e| FileProblem::Bad {
+/// The bytes of a regular file of at most `limit` bytes: pipes and devices may never end.
+///
+/// # Errors
+/// It cannot be read, is no regular file, or is larger.
+pub fn read_regular(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    let refused = |text: String| Err(io::Error::new(io::ErrorKind::InvalidInput, text));
+    // a pipe is not even opened: that would wait for a writer
+    let metadata = path.metadata()?;
+    if !metadata.is_file() {
+        return refused("not a file".to_owned());
+    }
+    let mut bytes = Vec::new();
+    if metadata.len() <= limit {
+        bytes.reserve_exact(metadata.len() as usize);
+        // one byte more than allowed tells of a file that grows
+        let mut file = File::open(path)?.take(limit.saturating_add(1));
+        file.read_to_end(&mut bytes)?;
+    }
+    let size = metadata.len().max(bytes.len() as u64);
+    if size > limit {
+        return refused(format!("{size} bytes (allowed: at most {limit})"));
+    }
+    Ok(bytes)
+}
+
+/// The path and the bytes of the file `name` in `folder`, as [`find`] finds it.
+pub fn read(folder: &Path, name: &str, limit: u64) -> Result<(PathBuf, Vec<u8>), FileProblem> {
+    let path = find(folder, name, limit)?;
+    let bytes = read_regular(&path, limit).map_err(|e| FileProblem::Bad {
         path: name.to_owned(),
         message: e.to_string(),
-    })
+    })?;
+    Ok((path, bytes))
 }
 
 /// Rows of 2 to `N` numbers separated by commas, semicolons, tabs or blanks; with semicolons, or

@@ -3,9 +3,10 @@
 
 pub mod atomic;
 pub mod convert;
+pub mod destination;
 pub mod exr;
 mod exr_header;
-mod files;
+pub(crate) mod files;
 pub mod glass;
 pub mod gltf;
 pub mod identity;
@@ -15,6 +16,7 @@ pub mod jpeg;
 pub mod layers;
 pub mod lens;
 pub mod loaded;
+pub mod lock;
 pub mod model;
 pub mod model_file;
 pub mod mtl;

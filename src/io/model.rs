@@ -17,8 +17,7 @@ use crate::scene::description::{
 use crate::spectrum::Emission;
 use crate::texture::Image;
 use glam::{DAffine3, DMat3, DVec3};
-use std::io::Read as _;
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Most pixels of an image: the sums of 2^28 pixels take 26 GB.
@@ -76,6 +75,8 @@ pub struct Model {
     pub animated: bool,
     /// What was not understood or taken otherwise than the file may mean, one line each.
     pub notes: Vec<String>,
+    /// Files that were read beside its own.
+    pub files: Vec<PathBuf>,
     /// Hash of the files it was read from.
     pub hash: u64,
 }
@@ -91,27 +92,6 @@ pub struct Staging {
     pub animation: Option<String>,
     /// The time for which any shutter is open.
     pub shutter: Shutter,
-}
-
-/// The bytes of a regular file of at most `limit` bytes: pipes and devices may never end.
-pub(super) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, String> {
-    let metadata = path.metadata().map_err(|e| e.to_string())?;
-    if !metadata.is_file() {
-        return Err("not a file".to_owned());
-    }
-    let mut bytes = Vec::new();
-    if metadata.len() <= limit {
-        let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
-        bytes.reserve_exact(metadata.len() as usize);
-        // one byte more than allowed tells of a file that grows
-        let mut reader = file.take(limit + 1);
-        reader.read_to_end(&mut bytes).map_err(|e| e.to_string())?;
-    }
-    let size = metadata.len().max(bytes.len() as u64);
-    if size > limit {
-        return Err(format!("{size} bytes (allowed: at most {limit})"));
-    }
-    Ok(bytes)
 }
 
 impl Model {

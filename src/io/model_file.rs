@@ -1,8 +1,9 @@
 //! The kinds of model files, and reading one of whatever kind.
 
 use super::atomic::folder;
+use super::files::read_regular;
 use super::gltf::read as read_gltf;
-use super::model::{MAX_MODEL_BYTES, Model, Staging, read_file};
+use super::model::{MAX_MODEL_BYTES, Model, Staging};
 use super::{mtl, ply};
 use std::path::Path;
 
@@ -46,7 +47,8 @@ impl ModelKind {
 /// # Errors
 /// What is wrong, in words, without the file's name.
 pub fn load(path: &Path, kind: ModelKind, staging: &Staging) -> Result<Model, String> {
-    read(&read_file(path, MAX_MODEL_BYTES)?, path, kind, staging)
+    let bytes = read_regular(path, MAX_MODEL_BYTES).map_err(|e| e.to_string())?;
+    read(&bytes, path, kind, staging)
 }
 
 /// Reads a model from the bytes of its file.

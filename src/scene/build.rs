@@ -44,7 +44,10 @@ impl fmt::Display for Subject {
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum BuildError {
     /// Nothing emits.
-    #[error("the scene has no light that emits anything in the working range of wavelengths")]
+    #[error(
+        "the scene has no light that emits anything in the working range of wavelengths (needed: a \
+         [[light]], or an [[object]] with emission)"
+    )]
     NoLight,
     /// Rays disagree about the medium around a light or sensor.
     #[error(

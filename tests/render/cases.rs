@@ -92,8 +92,8 @@ fn what_mtl_and_obj_do_not_say_is_named() {
     );
     let error = scene_file::load(&folder("damaged").join("obj_error_place.obj"), &[]);
     let error = error.expect_err("vertex 9 of 3").to_string();
-    let expected = "line 5: a face refers to vertex 9, but there are 3";
-    assert!(error.contains(expected), "{error}");
+    let expected = "obj_error_place.obj: line 5: a face refers to vertex 9, but there are 3";
+    assert!(error.ends_with(expected), "{error}");
 }
 
 /// Triangles of a scene with one mesh.

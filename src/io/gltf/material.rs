@@ -106,7 +106,9 @@ impl Reader<'_> {
         let held;
         let bytes = match (&source.uri, source.buffer_view) {
             (Some(uri), _) => {
-                held = read_uri(self.folder, uri, &what, MAX_IMAGE_BYTES)?;
+                let path;
+                (path, held) = read_uri(self.folder, uri, &what, MAX_IMAGE_BYTES)?;
+                self.model.files.extend(path);
                 &held
             }
             (None, Some(view)) => self.buffers.view(view)?.0,

@@ -127,6 +127,7 @@ fn parse(bytes: &[u8], folder: &Path, staging: &Staging) -> Result<Model, Fault>
         folder,
         staging,
         model: Model {
+            files: buffers.files.clone(),
             hash: buffers.hash,
             ..Model::default()
         },

@@ -160,7 +160,8 @@ impl<'a> Reader<'a> {
                     continue;
                 }
                 match files::read(self.folder, name, MAX_MTL_BYTES) {
-                    Ok(bytes) => {
+                    Ok((path, bytes)) => {
+                        self.model.files.push(path);
                         self.model.hash = combine(self.model.hash, hash_bytes(&bytes));
                         let Materials {
                             materials: own,
@@ -267,7 +268,8 @@ impl<'a> Reader<'a> {
             };
             let read = files::read(self.folder, &name, MAX_IMAGE_BYTES)
                 .map_err(|problem| problem.to_string())
-                .and_then(|bytes| {
+                .and_then(|(path, bytes)| {
+                    self.model.files.push(path);
                     self.model.hash = combine(self.model.hash, hash_bytes(&bytes));
                     image_file::decode(&bytes, encoding)
                         .map_err(|e| format!("file \"{name}\": {e}"))

@@ -69,6 +69,12 @@ impl Problem {
         }
     }
 
+    /// A file that is not there, named on the command line.
+    #[must_use]
+    pub fn no_file() -> Self {
+        Self::Form("there is no such file (paths are relative to the working directory)".to_owned())
+    }
+
     /// The problem behind a message of the TOML parser.
     #[must_use]
     pub fn from_message(message: &str) -> Self {
@@ -166,6 +172,30 @@ impl SceneFileErrors {
                 problem,
             }],
             more: 0,
+        }
+    }
+
+    /// The same about a model, whose scene nobody has written: without places in that.
+    #[must_use]
+    pub fn of_model(self) -> Self {
+        let told = self.told.into_iter().map(|error| {
+            if matches!(error.place, Place::Override(_)) {
+                return error;
+            }
+            let problem = match error.problem {
+                Problem::File(FileProblem::Missing(_)) => Problem::no_file(),
+                Problem::File(FileProblem::Bad { message, .. }) => Problem::Form(message),
+                other => other,
+            };
+            SceneFileError {
+                place: Place::File,
+                problem,
+                ..error
+            }
+        });
+        Self {
+            told: told.collect(),
+            more: self.more,
         }
     }
 

@@ -162,6 +162,7 @@ impl Models {
                 model.lit = false;
             }
             cx.file_notes(&unread.file, std::mem::take(&mut model.notes));
+            cx.model_files.append(&mut model.files);
             let filter = cx.film_filter(None, None, false);
             let sensor = |c: &ModelCamera| c.sensor(unread.size.resolution(), filter, own_shutter);
             all.cameras.extend(model.cameras.iter().map(sensor));

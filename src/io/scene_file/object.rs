@@ -111,6 +111,14 @@ impl Value for MediumUse {
 
     fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
         let MediumName(name) = MediumName::read(node, spec, cx)?;
+        if !cx.media.contains_key(&name) && cx.library.ior(&name).is_ok() {
+            let message = format!(
+                "\"{name}\" is a glass, not a medium (write [medium.NAME] with glass = \"{name}\", \
+                 and NAME here)"
+            );
+            cx.conflict(&node.span(), message);
+            return Some(Self(MediumId::AMBIENT));
+        }
         let found = cx.defined("medium", &name, &node.span(), |cx| &cx.media);
         Some(Self(found.unwrap_or(MediumId::AMBIENT)))
     }

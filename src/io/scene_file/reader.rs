@@ -77,6 +77,8 @@ pub struct Reader<'s> {
     /// Number of these when `[[object]]` is reached.
     pub files_before_objects: usize,
     hash_of_file: BTreeMap<PathBuf, u64>,
+    /// Files that models name.
+    pub model_files: Vec<PathBuf>,
     errors: Vec<(Span<usize>, Problem)>,
     error_count: usize,
 }
@@ -107,6 +109,7 @@ impl<'s> Reader<'s> {
             file_hashes: Vec::new(),
             files_before_objects: 0,
             hash_of_file: BTreeMap::new(),
+            model_files: Vec::new(),
             errors: Vec::new(),
             error_count: 0,
         }
@@ -237,7 +240,7 @@ impl<'s> Reader<'s> {
 
     /// The bytes of a file that was found, which enter the hash of the scene.
     pub fn bytes(&mut self, name: &At<FileName>, path: &Path) -> Option<Vec<u8>> {
-        match std::fs::read(path) {
+        match files::read_regular(path, u64::MAX) {
             Ok(bytes) => {
                 let hash = hash_of(&bytes);
                 self.hash_of_file.insert(path.to_owned(), hash);
@@ -249,6 +252,12 @@ impl<'s> Reader<'s> {
                 None
             }
         }
+    }
+
+    /// Files that were read.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let named = self.hash_of_file.keys().cloned();
+        named.chain(self.model_files.iter().cloned()).collect()
     }
 
     /// Notes that a file which has been read before is named again.

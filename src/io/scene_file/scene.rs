@@ -155,6 +155,7 @@ impl SceneKeys {
             units: rendering.units,
             warnings,
             places,
+            files: cx.files(),
         })
     }
 }
