@@ -36,7 +36,7 @@ const MAX_LINES: usize = 700;
 /// What a reader takes in before the first render.
 const README_LINES: usize = 150;
 /// Crates that only some files may name, so that replacing one touches only those.
-const CRATES: [(&str, &[&str]); 11] = [
+const CRATES: [(&str, &[&str]); 12] = [
     ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
@@ -54,6 +54,7 @@ const CRATES: [(&str, &[&str]); 11] = [
     ("clap", &["cli/"]),
     ("ctrlc", &["cli/"]),
     ("indicatif", &["cli/"]),
+    ("signal_hook", &["cli/"]),
 ];
 
 fn root() -> PathBuf {

@@ -9,6 +9,7 @@ use crate::io::part::PartError;
 use crate::render::SessionError;
 use crate::report::ReportError;
 use crate::spectrum::LibraryError;
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 /// Why a command failed.
@@ -69,10 +70,12 @@ impl CliError {
     /// Whether the same may succeed later: a disk that is full, a folder that is gone.
     #[must_use]
     pub fn may_pass(&self) -> bool {
-        matches!(
-            self,
-            Self::Write(_) | Self::Image(ExrError::File(_)) | Self::Part(PartError::File(_))
-        )
+        match self {
+            Self::Write(e) | Self::Image(ExrError::File(e)) | Self::Part(PartError::File(e)) => {
+                e.source.kind() != ErrorKind::FileTooLarge
+            }
+            _ => false,
+        }
     }
 
     /// 2 for wrong usage, else 1.

@@ -4,6 +4,8 @@
 use super::{CliError, INTERRUPTED, tell};
 use crate::render::Cancel;
 use std::sync::Arc;
+#[cfg(unix)]
+use std::sync::atomic::AtomicBool;
 use std::sync::atomic::{AtomicU32, Ordering::SeqCst};
 
 /// Interrupts of this process.
@@ -53,11 +55,31 @@ impl Interrupts {
     }
 }
 
+/// Lets a file that grows beyond the limit of the process (`ulimit -f`) be an error of writing
+/// instead of the end of the process.
+///
+/// # Errors
+/// Where the system refuses the handler.
+#[cfg(unix)]
+fn keep_file_size_signal() -> Result<(), CliError> {
+    // what is noted there is of no use: the error of the write says the same
+    let noted = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, noted)
+        .map(drop)
+        .map_err(|e| CliError::Failed(format!("cannot listen for signals: {e}")))
+}
+
+#[cfg(not(unix))]
+fn keep_file_size_signal() -> Result<(), CliError> {
+    Ok(())
+}
+
 /// Listens from now on. Before, an interrupt ends the process as usual: nothing is lost.
 ///
 /// # Errors
 /// Where the system refuses the handler.
 pub fn listen() -> Result<Interrupts, CliError> {
+    keep_file_size_signal()?;
     let interrupts = Interrupts::default();
     let arriving = interrupts.clone();
     ctrlc::set_handler(move || arriving.arrive())

@@ -6,3 +6,4 @@ mod keys;
 mod models;
 mod mutation;
 mod scene;
+mod tables;
