@@ -16,13 +16,16 @@ use crate::io::part;
 use crate::render::clock::cpu_seconds;
 use crate::render::memory::film_bytes;
 use crate::render::session::NO_LIMIT;
-use crate::render::{OutputRequest, Session, SessionOptions, StopReason, StopRules};
+use crate::render::{OutputRequest, Render, Session, SessionOptions, StopReason, StopRules};
 use crate::spectrum::SpectralChannels;
 use std::ffi::OsStr;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
+
+/// Passes after which an image that is all black is worth a word.
+const PASSES_TO_SEE: u64 = 16;
 
 /// What all sensors share.
 struct Job<'a> {
@@ -296,6 +299,9 @@ impl Job<'_> {
             if state.pass.is_some() {
                 progress.pass(&state);
             }
+            if state.pass.is_some() && state.passes == PASSES_TO_SEE {
+                self.warn_of_black(&session.render());
+            }
             if state.save_is_due {
                 saver.save(&mut session);
             }
@@ -306,6 +312,9 @@ impl Job<'_> {
         progress.clear();
         let render = session.render();
         saver.finish(&render)?;
+        if (render.passes().len() as u64) < PASSES_TO_SEE {
+            self.warn_of_black(&render);
+        }
         let mut stats = SensorStats::new(
             &loaded.scene.sensors[sensor].name,
             &render,
@@ -322,6 +331,19 @@ impl Job<'_> {
             print(&summary::sensor(&targets.image, exposure, &stats));
         }
         Ok(stats)
+    }
+
+    /// Warns of an image without any light: even where nothing else is printed, since hours may
+    /// follow.
+    fn warn_of_black(&self, render: &Render) {
+        if render.xyz().iter().all(|v| *v == 0.0) {
+            let sensor = &self.loaded.scene.sensors[render.sensor()];
+            tell(&format!(
+                "warning: the image of sensor \"{}\" is black: no light has reached it (is it inside \
+                 of a body, behind one, or turned away from all light?)",
+                sensor.name
+            ));
+        }
     }
 
     /// Continues with what the part file holds, if it is there.

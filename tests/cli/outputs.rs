@@ -291,3 +291,26 @@ fn files_that_may_not_grow_are_an_error() {
     assert!(message.starts_with("error: scene.exr: "), "{message}");
     assert!(!dir.path().join("scene.exr").exists());
 }
+
+#[test]
+fn black_images_are_told_of() {
+    let dir = folder();
+    // a plate in front of the camera, and no lamp on its side
+    let plate = "[[object]]\nquad = { center = [0, 0, 3.5], u = [9, 0, 0], v = [0, 9, 0] }\nmaterial = \"white\"\n";
+    let scene = SCENE.replace("[0, 2.5, 0]", "[0, 2.5, -9]") + plate;
+    std::fs::write(dir.path().join("dark.toml"), scene).expect("writes");
+    for spp in [1, 20] {
+        let output = super::run(dir.path(), &format!("render dark.toml -q --spp {spp}"));
+        let told = text(&output.stderr);
+        assert!(
+            output.status.success() && told.lines().count() == 1,
+            "{told}"
+        );
+        assert!(
+            told.starts_with("warning: the image of sensor \"camera\" is black"),
+            "{told}"
+        );
+    }
+    let output = super::run(dir.path(), "render scene.toml -q --spp 2");
+    assert_eq!(text(&output.stderr), "");
+}

@@ -141,15 +141,16 @@ impl RawMaterial {
         let mut notes = Vec::new();
         match key {
             "Kd" | "Ks" | "Ke" => {
-                // one number is a gray
+                // one number is a gray; tobj panics at two
                 let words = match rest.split_whitespace().count() {
                     1 => [rest; 3].join(" "),
-                    _ => rest.to_owned(),
-                };
-                let color = match numbers(key, &words).as_deref() {
-                    Some(&[r, g, b]) if words.split_whitespace().count() == 3 => [r, g, b],
+                    3 => rest.to_owned(),
                     _ => return not_understood(),
                 };
+                let Some(&[r, g, b]) = numbers(key, &words).as_deref() else {
+                    return not_understood();
+                };
+                let color = [r, g, b];
                 let range = if key == "Kd" { unit } else { [0.0, f64::MAX] };
                 let color = color.map(|v| {
                     let (v, note) = held(key, v, range);
