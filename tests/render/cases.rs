@@ -59,8 +59,8 @@ fn panes_of_mtl_let_through_what_their_statements_say() {
         ("mtl-statements", "halo.obj", "halo.obj", 0.4),
         ("mtl-statements", "halo.obj", "kd_one.obj", 0.75),
         ("mtl-statements", "halo.obj", "ni_one.obj", 1.0),
-        ("mtl-d-and-tr", "both_same.obj", "both_same.obj", 0.75),
-        ("mtl-d-and-tr", "both_same.obj", "d1_lower.obj", 0.0),
+        ("mtl-d-and-tr", "both_same.obj", "both_same.obj", 0.0),
+        ("mtl-d-and-tr", "both_same.obj", "d1_lower.obj", 0.75),
         ("mtl-d-and-tr", "both_same.obj", "opaque_both_max.obj", 0.0),
         ("mtl-d-and-tr", "both_same.obj", "tr075.obj", 0.75),
     ] {
@@ -75,7 +75,10 @@ fn panes_of_mtl_let_through_what_their_statements_say() {
 fn what_mtl_and_obj_do_not_say_is_named() {
     assert_eq!(
         notes("mtl-statements", "unknown_usemtl.obj"),
-        ["line 6: material \"nowhere\" is in no material file: light gray is used"]
+        [
+            "halo.mtl:3: material \"pane\": -halo is not read: d 0.6 from all sides",
+            "line 6: material \"nowhere\" is in no material file: light gray is used"
+        ]
     );
     assert_eq!(notes("mtl-statements", "empty_usemtl.obj"), [""; 0]);
     assert_eq!(
@@ -130,7 +133,7 @@ fn continued_lines_and_comments_are_the_same_cube() {
     ];
     let pictures = files.map(|file| {
         assert_eq!(triangles("obj-wrapped-lines", file), 12, "{file}");
-        let own = ("plain.obj", file);
+        let own = ("wrapped.obj", file);
         picture("obj-wrapped-lines", "scene.toml", own, 2)
     });
     assert!(pictures.iter().all(|p| *p == pictures[0]));
