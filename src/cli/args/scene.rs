@@ -112,7 +112,7 @@ impl RenderOptions {
         let options = [
             ("integrator", self.integrator.map(|v| v.to_string())),
             ("spp", self.spp.map(|v| v.to_string())),
-            ("seed", self.seed.map(|v| v.to_string())),
+            ("seed", self.moment.seed(self.seed).map(|v| v.to_string())),
             ("lanes", self.lanes.clone()),
             ("heuristic", self.heuristic.map(|v| v.to_string())),
             ("regularize", self.regularize.map(|v| v.to_string())),

@@ -100,6 +100,9 @@ fn nearest(name: &str, known: &[String]) -> Option<String> {
         .map(|(_, k)| k.clone())
 }
 
+/// Most letters of an override in a message.
+const MOST_SHOWN: usize = 200;
+
 /// Where a problem is.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Place {
@@ -134,7 +137,10 @@ impl fmt::Display for SceneFileError {
             Place::At { line, column } => {
                 write!(f, "{}:{line}:{column}: {}", self.file, self.problem)
             }
-            Place::Override(text) => write!(f, "--set {text}: {}", self.problem),
+            Place::Override(text) => {
+                let shown: String = text.chars().take(MOST_SHOWN).collect();
+                write!(f, "--set {shown}: {}", self.problem)
+            }
         }
     }
 }
