@@ -3,6 +3,13 @@
 use super::{SCENE, bytes, command, fail, folder, succeed, text};
 use std::path::Path;
 
+#[cfg(unix)]
+fn make_pipe(dir: &tempfile::TempDir, name: &str) {
+    let mut mkfifo = std::process::Command::new("mkfifo");
+    let made = mkfifo.arg(dir.path().join(name)).status();
+    assert!(made.expect("mkfifo runs").success());
+}
+
 #[test]
 fn no_output_takes_the_place_of_an_input() {
     let dir = folder();
@@ -53,10 +60,7 @@ fn no_output_takes_the_place_of_an_input() {
 #[cfg(unix)]
 fn only_files_are_replaced_and_links_are_followed() {
     let dir = folder();
-    let made = std::process::Command::new("mkfifo")
-        .arg(dir.path().join("pipe.exr"))
-        .status();
-    assert!(made.expect("mkfifo runs").success());
+    make_pipe(&dir, "pipe.exr");
     for (output, what) in [
         ("pipe.exr", "is a device or a pipe, not a file"),
         ("/dev/null", "is a device or a pipe, not a file"),
@@ -185,10 +189,7 @@ fn what_does_not_fit_is_told_before() {
 #[cfg(unix)]
 fn what_is_no_file_is_not_read() {
     let dir = folder();
-    let made = std::process::Command::new("mkfifo")
-        .arg(dir.path().join("pipe"))
-        .status();
-    assert!(made.expect("mkfifo runs").success());
+    make_pipe(&dir, "pipe");
     for (arguments, name) in [
         ("info /dev/zero", "/dev/zero"),
         ("info pipe", "pipe"),
