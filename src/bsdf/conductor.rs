@@ -86,8 +86,7 @@ impl Conductor {
         }
     }
 
-    /// A metal with what leaves after more than one facet, where the tables of `interface` have its
-    /// roughness.
+    /// A metal with multiple scattering, where the tables of `interface` have its roughness.
     #[must_use]
     pub fn new(ggx: Ggx, metal: Metal, interface: &Interface) -> Self {
         let lost = interface.albedos.lost_by_reflector(&ggx);

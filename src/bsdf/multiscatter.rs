@@ -1,4 +1,4 @@
-//! Light that leaves a rough surface after more than one facet: what lobes of single scattering
+//! Multiple scattering between the facets of a rough surface: light that lobes of single scattering
 //! lose, given back.
 //!
 //! With L the share lost for a direction, and L̄ its mean over the hemisphere of a side, the kernel
@@ -30,7 +30,7 @@ pub fn share_left(lost: f64, reflectance: impl Fn(f64) -> f64) -> f64 {
 pub struct Reflection<'a>(Blend<'a>);
 
 impl<'a> Reflection<'a> {
-    /// That of `ggx`; `None` where it needs none.
+    /// Reflection after several facets of `ggx`; `None` where the tables have nothing for it.
     #[must_use]
     pub fn new(tables: &'a AlbedoTables, ggx: &Ggx) -> Option<Self> {
         tables.lost_by_reflector(ggx).map(Self)
@@ -64,16 +64,17 @@ impl<'a> Reflection<'a> {
 /// Multiple scattering by facets between two media, one of which is that above.
 #[derive(Clone, Debug)]
 pub struct Exchange<'a> {
-    /// Share lost: above, below.
+    /// Shares lost by single scattering: above, below.
     lost: [Blend<'a>; 2],
     /// η² L̄: above, below.
     flux: [f64; 2],
-    /// What passes of it, the same for both.
+    /// Flux that passes through, the same from both sides.
     passed: f64,
 }
 
 impl<'a> Exchange<'a> {
-    /// That of `ggx` between media of index `eta` above and below; `None` where it needs none.
+    /// Exchange after several facets of `ggx` between media of index `eta` above and below; `None`
+    /// where the tables have nothing for it.
     #[must_use]
     pub fn new(tables: &'a AlbedoTables, ggx: &Ggx, eta: [f64; 2]) -> Option<Self> {
         let rarer_is_above = eta[0] <= eta[1];
@@ -103,7 +104,7 @@ impl<'a> Exchange<'a> {
         lost * self.share_to(i, j) * FRAC_1_PI / self.flux[j]
     }
 
-    /// Of what arrives on side `from` and is lost, the share that leaves to side `to`.
+    /// Share that leaves to side `to` of the light that arrives on side `from` and is held back.
     fn share_to(&self, from: usize, to: usize) -> f64 {
         let passed = self.passed / self.flux[from];
         if from == to { 1.0 - passed } else { passed }

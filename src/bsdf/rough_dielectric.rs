@@ -20,7 +20,7 @@ pub struct RoughDielectric {
     pub reflect_tint: SampledSpectrum,
     /// Factor on transmission per lane.
     pub transmit_tint: SampledSpectrum,
-    /// With the light that leaves after more than one facet, where the tables of the interface have
+    /// Whether light leaves after more than one facet too, where the tables of the interface have
     /// its roughness.
     pub multiple: bool,
 }
@@ -53,7 +53,7 @@ impl RoughDielectric {
         }
     }
 
-    /// What leaves after more than one facet between media of index `eta` above and below.
+    /// Multiple scattering between media of index `eta` above and below.
     fn exchange<'a>(&self, interface: &Interface<'a>, eta: [f64; 2]) -> Option<Exchange<'a>> {
         if self.multiple {
             Exchange::new(interface.albedos, &self.ggx, eta)
@@ -62,8 +62,8 @@ impl RoughDielectric {
         }
     }
 
-    /// Adds it: the kernel of each lane, and densities that are the same whichever is the hero, of
-    /// `mean`.
+    /// Sum of single and multiple scattering: the kernel of each lane, and the densities of `mean`,
+    /// which are the same whichever lane is the hero.
     fn with_multiple(
         &self,
         mut eval: BsdfEval,

@@ -302,7 +302,7 @@ fn sample_agrees_with_eval() {
 }
 
 /// Mean weight of each lane and its standard error over `n` samples.
-pub(super) fn furnace(bsdf: &Bsdf, given: DVec3, n: u64) -> Vec<Moments> {
+fn furnace(bsdf: &Bsdf, given: DVec3, n: u64) -> Vec<Moments> {
     let mut moments = vec![Moments::default(); bsdf.interface.count];
     for i in 0..n {
         let s = bsdf.sample(given, Side::Light, uniforms(21, i));

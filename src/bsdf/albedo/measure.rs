@@ -20,7 +20,7 @@ pub struct Shares {
 /// `index` (far side to near side), or of a perfect reflector (`None`).
 #[must_use]
 pub fn single_scattering(ggx: &Ggx, w: DVec3, index: Option<f64>) -> Shares {
-    let mut sum = Shares::default();
+    let (mut sum, mut weights) = (Shares::default(), 0.0);
     let midpoint = |i: u32, n: u32| (f64::from(i) + 0.5) / f64::from(n);
     // mirror images about the plane of incidence give the same
     let is_mirrored = ggx.alpha[0] == ggx.alpha[1] && w.y == 0.0;
@@ -31,7 +31,10 @@ pub fn single_scattering(ggx: &Ggx, w: DVec3, index: Option<f64>) -> Shares {
     };
     for i in 0..turns {
         for j in 0..POINTS[1] {
-            let u = [midpoint(i, POINTS[0]), midpoint(j, POINTS[1])];
+            // closer towards the steepest facets: few, but their light is what is lost
+            let rest = 1.0 - midpoint(j, POINTS[1]);
+            let weight = 3.0 * rest * rest;
+            let u = [midpoint(i, POINTS[0]), 1.0 - rest * rest * rest];
             let m = ggx.sample_visible(w, u);
             let cos = w.dot(m).clamp(0.0, 1.0);
             let reflectance = index.map_or(1.0, |index| fresnel::dielectric(cos, 1.0, index));
@@ -46,13 +49,14 @@ pub fn single_scattering(ggx: &Ggx, w: DVec3, index: Option<f64>) -> Shares {
                 Some(refracted) if refracted.z < 0.0 => ggx.unmasked(w, refracted),
                 _ => 0.0,
             };
-            sum.reflected += reflectance * seen;
-            sum.lost += reflectance * (1.0 - seen) + (1.0 - reflectance) * (1.0 - passes);
+            sum.reflected += weight * reflectance * seen;
+            sum.lost += weight * reflectance * (1.0 - seen);
+            sum.lost += weight * (1.0 - reflectance) * (1.0 - passes);
+            weights += weight;
         }
     }
-    let count = f64::from(turns * POINTS[1]);
     Shares {
-        reflected: sum.reflected / count,
-        lost: sum.lost / count,
+        reflected: sum.reflected / weights,
+        lost: sum.lost / weights,
     }
 }

@@ -10,7 +10,6 @@ use super::fresnel;
 use super::microfacet::Ggx;
 use measure::{Shares, single_scattering};
 use profile::{Blend, Corners, Pattern};
-use rayon::prelude::*;
 
 /// Roughness below which nothing is compensated: a metal loses less than 1e-4 of diffuse light.
 pub const NEGLIGIBLE_ALPHA: f64 = 5e-3;
@@ -157,7 +156,7 @@ impl Table {
             pairs,
             indices,
             kinds: N,
-            patterns: cases.par_iter().map(pattern).collect(),
+            patterns: cases.iter().map(pattern).collect(),
         }
     }
 
@@ -264,4 +263,84 @@ pub(super) fn hemisphere_mean(f: impl Fn(f64) -> f64) -> f64 {
 /// The mean transmittance from the rarer side of an interface of relative index `ratio`.
 pub(super) fn mean_transmittance(ratio: f64) -> f64 {
     1.0 - hemisphere_mean(|cos| fresnel::dielectric(cos, 1.0, ratio))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn knots_are_exact_until_they_are_too_many() {
+        let standard = [1.0, 1.5, 2.0, 3.0];
+        assert_eq!(knots(&[[1.2, 1.2]], &standard), [1.2]);
+        assert_eq!(
+            knots(&[[1.2, 1.2], [1.4, 1.6]], &standard),
+            [1.2, 1.4, 1.5, 1.6]
+        );
+        let many: Vec<[f64; 2]> = (0..9).map(|i| [1.1 + 0.1 * f64::from(i); 2]).collect();
+        assert_eq!(knots(&many, &standard), [1.1, 1.5, many[8][0]]);
+        assert!(knots(&[], &standard).is_empty());
+    }
+
+    #[test]
+    fn shares_of_the_knots_sum_to_one() {
+        let knots = [1.0, 1.5, 3.0];
+        assert!(bracket(&[], 1.0).is_empty());
+        for (x, want) in [
+            (0.5, 1.0),
+            (1.0, 1.0),
+            (1.2, 1.2),
+            (1.5, 1.5),
+            (2.9, 2.9),
+            (9.0, 3.0),
+        ] {
+            let found = bracket(&knots, x);
+            let at: f64 = found.iter().map(|&(i, share)| share * knots[i]).sum();
+            let sum: f64 = found.iter().map(|&(_, share)| share).sum();
+            assert!(
+                (at - want).abs() < 1e-12 && (sum - 1.0).abs() < 1e-12,
+                "{x}"
+            );
+        }
+    }
+
+    #[test]
+    fn nothing_is_tabulated_for_what_needs_nothing() {
+        let mut needs = Needs::default();
+        needs.reflectors.add([0.004, 0.004]);
+        let tables = AlbedoTables::new(&needs);
+        assert!(tables.reflectors.patterns.is_empty() && tables.interfaces.patterns.is_empty());
+        assert!(tables.lost_by_reflector(&Ggx { alpha: [0.3; 2] }).is_none());
+        // at the limit a reflector loses 1e-4 of diffuse light
+        needs.reflectors.add([NEGLIGIBLE_ALPHA; 2]);
+        let tables = AlbedoTables::new(&needs);
+        let ggx = Ggx {
+            alpha: [NEGLIGIBLE_ALPHA; 2],
+        };
+        let lost = tables.lost_by_reflector(&ggx).expect("tabulated").mean();
+        assert!(lost < 1.1e-4, "{lost}");
+    }
+
+    /// A metal of roughness 1 reflects 1 - ln 2 along the normal, in closed form.
+    #[test]
+    fn a_reflector_of_roughness_one_has_its_closed_form() {
+        let mut needs = Needs::default();
+        needs.reflectors.add([1.0, 1.0]);
+        let tables = AlbedoTables::new(&needs);
+        let lost = tables
+            .lost_by_reflector(&Ggx { alpha: [1.0; 2] })
+            .expect("tabulated");
+        let along_normal = lost.at(glam::DVec3::Z);
+        assert!(
+            (along_normal - std::f64::consts::LN_2).abs() < 1e-3,
+            "{along_normal}"
+        );
+    }
+
+    #[test]
+    fn three_points_are_enough_for_mean_reflectances() {
+        // 2/3 of a cosine, exactly, and glass of 1.5: 0.0918
+        assert!((hemisphere_mean(|cos| cos) - 2.0 / 3.0).abs() < 1e-9);
+        assert!((mean_transmittance(1.5) - 0.9082).abs() < 4e-3);
+    }
 }

@@ -4,24 +4,28 @@ use crate::bsdf::albedo::{AlbedoTables, Needs};
 use crate::bsdf::coated::{Coat, CoatedDiffuse};
 use crate::bsdf::conductor::{Conductor, Metal};
 use crate::bsdf::microfacet::Ggx;
+use crate::bsdf::multiscatter::share_left;
 use crate::bsdf::rough_dielectric::RoughDielectric;
-use crate::bsdf::tests::{ONE, bsdf, direction, furnace, interface};
-use crate::bsdf::{Bsdf, Interface, Lobe};
+use crate::bsdf::tests::{ONE, bsdf, direction, interface};
+use crate::bsdf::{Bsdf, Interface, Lobe, Side};
+use crate::math::stats::Moments;
 use crate::spectrum::SampledSpectrum;
 
 const ANGLES: [f64; 5] = [0.0, 30.0, 60.0, 80.0, 86.0];
-const ALPHAS: [[f64; 2]; 8] = [
+const ALPHAS: [[f64; 2]; 7] = [
     [0.01, 0.01],
     [0.03, 0.03],
     [0.1, 0.1],
     [0.3, 0.3],
     [0.6, 0.6],
     [1.0, 1.0],
-    [0.1, 0.4],
-    [1.0, 0.2],
+    [0.2, 1.0],
 ];
-const INDICES: [f64; 5] = [1.05, 1.2, 1.5, 2.0, 2.5];
-const SAMPLES: u64 = 4000;
+const INDICES: [f64; 3] = [1.05, 1.5, 2.5];
+/// Points of a quadrature over what a sample draws.
+const SAMPLES: u32 = 4096;
+/// What is claimed of white furnaces.
+const TOLERANCE: f64 = 0.01;
 
 fn tables(needs: &Needs) -> &'static AlbedoTables {
     Box::leak(Box::new(AlbedoTables::new(needs)))
@@ -86,34 +90,34 @@ fn coated(alpha: [f64; 2], multiple: bool, interface: Interface<'static>) -> Bsd
     bsdf(&lobes, interface)
 }
 
-/// Least and largest share of light that comes back, over angles on the side above; their largest
-/// standard error, and the mean square of a sample's weight.
-struct Range {
-    low: f64,
-    high: f64,
-    error: f64,
-    square: f64,
-}
-
-fn range(surface: &Bsdf) -> Range {
-    let mut range = Range {
-        low: f64::INFINITY,
-        high: 0.0,
-        error: 0.0,
-        square: 0.0,
-    };
-    for degrees in ANGLES {
-        let moments = furnace(surface, direction(degrees, 0.4), SAMPLES)[0];
-        range.low = range.low.min(moments.mean);
-        range.high = range.high.max(moments.mean);
-        range.error = range.error.max(moments.standard_error());
-        let variance = moments.standard_error().powi(2) * SAMPLES as f64;
-        range.square += variance / ANGLES.len() as f64;
+/// Weights of samples for a given direction, at the points of a lattice of low discrepancy (Roberts'
+/// R3): their mean is the albedo, of light that goes to the other side too.
+fn weights(surface: &Bsdf, degrees: f64, turn: f64) -> Moments {
+    const PLASTIC: f64 = 1.220_744_084_605_759_6;
+    let given = direction(degrees, turn);
+    let mut moments = Moments::default();
+    for i in 0..SAMPLES {
+        let u = [1, 2, 3].map(|power| (0.5 + f64::from(i) / PLASTIC.powi(power)).fract());
+        let sample = surface.sample(given, Side::Light, u);
+        moments.push(sample.map_or(0.0, |s| f64::from(s.weight[0])));
     }
-    range
+    moments
 }
 
-/// The table of docs/validation.md.
+/// How far a surface is from giving all light back, and the variance of a sample: the largest over
+/// angles on the side above, and the mean.
+fn departure(surface: &Bsdf) -> [f64; 2] {
+    let all = ANGLES.map(|degrees| weights(surface, degrees, 0.4));
+    let variance = |m: Moments| m.standard_error().powi(2) * f64::from(SAMPLES);
+    [
+        all.map(|m| (m.mean - 1.0).abs())
+            .into_iter()
+            .fold(0.0, f64::max),
+        all.map(variance).iter().sum::<f64>() / ANGLES.len() as f64,
+    ]
+}
+
+/// Every lobe over roughness, index and side; the tables of docs/validation.md.
 #[test]
 fn what_absorbs_nothing_loses_nothing() {
     let mut needs = Needs::default();
@@ -135,29 +139,112 @@ fn what_absorbs_nothing_loses_nothing() {
         add(format!("glass {n}, inside"), glass, n, 1.0);
         add(format!("coat {n}"), coated, 1.0, n);
     }
-    let mut least_single = 1.0_f64;
-    println!("| surface | roughness | one facet | several facets | variance of a sample |");
+    let mut largest_before = 0.0_f64;
+    let (mut tables, mut wrong) = ([String::new(), String::new()], Vec::new());
     for (name, surface, interface) in &cases {
+        for table in &mut tables {
+            table.push_str(&format!("\n| {name} |"));
+        }
         for alpha in ALPHAS {
             let [before, after] =
-                [false, true].map(|multiple| range(&surface(alpha, multiple, *interface)));
-            let [x, y] = alpha;
-            println!(
-                "| {name} | {x}, {y} | {:.3} to {:.3} | {:.3} to {:.3} | {:.3}, {:.3} |",
-                before.low, before.high, after.low, after.high, before.square, after.square
-            );
-            // 1 % is what the tables are good for at most, beside the noise
-            assert!(after.error < 4e-3, "{name} {alpha:?}: {}", after.error);
-            let slack = 5e-3 + 4.5 * after.error;
-            assert!(
-                after.low > 1.0 - slack && after.high < 1.0 + slack,
-                "{name} {alpha:?}: {} to {}",
-                after.low,
-                after.high
-            );
-            least_single = least_single.min(before.low);
+                [false, true].map(|multiple| departure(&surface(alpha, multiple, *interface)));
+            for (i, table) in tables.iter_mut().enumerate() {
+                table.push_str(&format!(" {:.3} → {:.3} |", before[i], after[i]));
+            }
+            if after[0] > TOLERANCE {
+                wrong.push(format!("{name} {alpha:?}: {}", after[0]));
+            }
+            largest_before = largest_before.max(before[0]);
         }
     }
+    println!("{}\n{}", tables[0], tables[1]);
+    assert!(wrong.is_empty(), "{wrong:?}");
     // the test can fail
-    assert!(least_single < 0.4, "{least_single}");
+    assert!(largest_before > 0.6, "{largest_before}");
+}
+
+/// Roughness from an image and dispersion are between the knots of the tables.
+#[test]
+fn energy_is_kept_between_the_knots() {
+    let mut needs = Needs::default();
+    needs.reflectors.add_range([0.0, 1.0]);
+    needs.interfaces.add_range([0.0, 0.5]);
+    needs.ratios = vec![[1.0, 1.6]];
+    needs.layers.add_range([0.0, 1.0]);
+    needs.layer_indices = vec![1.5];
+    let tables = tables(&needs);
+    let mut cases: Vec<(Surface, Interface)> = vec![
+        (reflector, between(1.0, 1.0, tables)),
+        (coated, between(1.0, 1.5, tables)),
+    ];
+    for n in [1.004, 1.13, 1.47, 1.58] {
+        cases.push((glass, between(1.0, n, tables)));
+        cases.push((glass, between(n, 1.0, tables)));
+    }
+    for (i, (surface, interface)) in cases.iter().enumerate() {
+        for alpha in [0.0123, 0.0456, 0.117, 0.29, 0.47] {
+            for degrees in [3.0, 47.0, 71.0, 83.3] {
+                let surface = surface([alpha, alpha], true, *interface);
+                let mean = weights(&surface, degrees, 1.0).mean;
+                assert!(
+                    (mean - 1.0).abs() < TOLERANCE,
+                    "case {i}, {alpha}, {degrees}°: {mean}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn what_absorbs_grows_more_saturated_and_creates_nothing() {
+    assert!((share_left(0.6, |_| 1.0) - 1.0).abs() < 1e-9);
+    // light of two facets and more has at least the square of the color of one
+    for lost in [0.01, 0.3, 0.6] {
+        for color in [0.1, 0.5, 0.9] {
+            let left = share_left(lost, |_| color);
+            assert!(left < color * color, "{lost} {color}: {left}");
+        }
+    }
+    let mut needs = Needs::default();
+    needs.reflectors.add([1.0, 1.0]);
+    needs.interfaces.add([1.0, 1.0]);
+    needs.ratios = vec![[1.5, 1.5]];
+    let tables = tables(&needs);
+    let air = between(1.0, 1.0, tables);
+    let albedo = |tint: f32| {
+        let lobe = Conductor::new(Ggx { alpha: [1.0; 2] }, metal(tint), &air);
+        weights(&bsdf(&[(1.0, Lobe::Conductor(lobe))], air), 40.0, 0.0).mean
+    };
+    let (red, green) = (albedo(0.9), albedo(0.3));
+    assert!(red < 0.9 && green / red < 0.3 / 0.9 - 0.05, "{red} {green}");
+    let tinted = RoughDielectric {
+        ggx: Ggx { alpha: [1.0; 2] },
+        reflect_tint: SampledSpectrum::splat(0.2),
+        transmit_tint: SampledSpectrum::splat(0.9),
+        multiple: true,
+    };
+    for (above, below) in [(1.0, 1.5), (1.5, 1.0)] {
+        let lobes = [(1.0, Lobe::RoughDielectric(tinted))];
+        let mean = weights(&bsdf(&lobes, between(above, below, tables)), 60.0, 0.0).mean;
+        assert!(mean < 0.91 && mean > 0.2, "{mean}");
+    }
+}
+
+/// Light in a medium and light outside exchange as much in both directions, whichever side has the
+/// table's first index.
+#[test]
+fn side_of_the_normal_does_not_matter() {
+    let mut needs = Needs::default();
+    needs.interfaces.add([0.5, 0.5]);
+    needs.ratios = vec![[1.5, 1.5]];
+    let tables = tables(&needs);
+    let up = glass([0.5, 0.5], true, between(1.0, 1.5, tables));
+    let down = glass([0.5, 0.5], true, between(1.5, 1.0, tables));
+    for (a, b) in [(20.0, 70.0), (20.0, 130.0), (100.0, 170.0)] {
+        let (a, b) = (direction(a, 0.3), direction(b, 2.0));
+        let turn = |w: glam::DVec3| glam::DVec3::new(w.x, w.y, -w.z);
+        let (x, y) = (up.eval(a, b), down.eval(turn(a), turn(b)));
+        assert!(x.g[0] > 0.0 && (x.g[0] - y.g[0]).abs() <= 1e-6 * x.g[0]);
+        assert!((x.pdf_camera - y.pdf_camera).abs() <= 1e-12 * x.pdf_camera);
+    }
 }
