@@ -4,8 +4,12 @@ use crate::bsdf::fresnel;
 use crate::bsdf::microfacet::Ggx;
 use glam::DVec3;
 
-/// Points of the quadrature, in azimuth and in height of the visible cap.
-const POINTS: [u32; 2] = [32, 32];
+/// Points of the quadrature: rings of the cap of visible facets, and azimuths on each.
+const RINGS: u32 = 128;
+const AZIMUTHS: u32 = 16;
+/// Turn of each ring against the one before, so that the edges of total reflection and of the
+/// horizon fall between points differently.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Shares of the light that arrives from one direction.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,20 +25,19 @@ pub struct Shares {
 #[must_use]
 pub fn single_scattering(ggx: &Ggx, w: DVec3, index: Option<f64>) -> Shares {
     let (mut sum, mut weights) = (Shares::default(), 0.0);
-    let midpoint = |i: u32, n: u32| (f64::from(i) + 0.5) / f64::from(n);
     // mirror images about the plane of incidence give the same
     let is_mirrored = ggx.alpha[0] == ggx.alpha[1] && w.y == 0.0;
-    let turns = if is_mirrored {
-        POINTS[0] / 2
-    } else {
-        POINTS[0]
-    };
-    for i in 0..turns {
-        for j in 0..POINTS[1] {
-            // closer towards the steepest facets: few, but their light is what is lost
-            let rest = 1.0 - midpoint(j, POINTS[1]);
-            let weight = 3.0 * rest * rest;
-            let u = [midpoint(i, POINTS[0]), 1.0 - rest * rest * rest];
+    let azimuths = if is_mirrored { AZIMUTHS / 2 } else { AZIMUTHS };
+    for ring in 0..RINGS {
+        let turn = (0.5 + f64::from(ring) * GOLDEN).fract();
+        // closer towards the steepest facets: few, but their light is what is lost
+        let rest = 1.0 - (f64::from(ring) + 0.5) / f64::from(RINGS);
+        let weight = 2.0 * rest;
+        for azimuth in 0..azimuths {
+            let u = [
+                (f64::from(azimuth) + turn) / f64::from(AZIMUTHS),
+                1.0 - rest * rest,
+            ];
             let m = ggx.sample_visible(w, u);
             let cos = w.dot(m).clamp(0.0, 1.0);
             let reflectance = index.map_or(1.0, |index| fresnel::dielectric(cos, 1.0, index));
