@@ -1,5 +1,6 @@
 //! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends of paths.
 
+use super::albedo::albedo_tables;
 use super::description::{
     LightDescription, ObjectDescription, SceneDescription, SensorDescription, WavelengthChoice,
     WavelengthSettings,
@@ -104,6 +105,7 @@ impl Scene {
         if surfaces >= u32::MAX as usize {
             return Err(BuildError::TooManyInstances(u32::MAX));
         }
+        let albedos = albedo_tables(&description);
         let mut builder = Builder::new(&mut description);
         builder.surfaces(std::mem::take(&mut description.objects));
         builder.lights(std::mem::take(&mut description.lights));
@@ -136,6 +138,7 @@ impl Scene {
             accel,
             objects,
             materials,
+            albedos,
             media: description.media,
             wavelength_settings: description.wavelengths,
             lights,

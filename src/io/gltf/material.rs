@@ -278,6 +278,7 @@ impl Reader<'_> {
                     reflectance: base.clone(),
                     coat: Coat::new(index, 1.0),
                     strength: strength.clone(),
+                    alpha: alpha.clone(),
                 },
             ));
             lobes.push((
