@@ -1,6 +1,7 @@
 //! Materials: parameters over a surface, turned into lobes at a point and at the wavelengths of a
 //! path.
 
+use crate::bsdf::albedo::{Alphas, Needs};
 use crate::bsdf::coated::{Coat, CoatedDiffuse};
 use crate::bsdf::conductor::{Conductor, Metal, Mirror};
 use crate::bsdf::dielectric::Dielectric;
@@ -87,6 +88,8 @@ pub enum LobeSpec {
         coat: Coat,
         /// Strength of the layer's reflection, 0..1.
         strength: ScalarTexture,
+        /// GGX roughness of the layer along the two tangents, 0..1.
+        alpha: [ScalarTexture; 2],
     },
     /// The reflection by a dielectric layer alone. With `CoatedDiffuse` of the same layer at the
     /// same weight it does not count towards the sum of the weights.
@@ -134,16 +137,34 @@ fn per_lane(wavelengths: &SampledWavelengths, f: impl Fn(f64) -> f64) -> Sampled
     out
 }
 
-fn reflector(metal: Metal, ggx: Option<Ggx>) -> Lobe {
-    match ggx {
-        Some(ggx) => Lobe::Conductor(Conductor { ggx, metal }),
-        None => Lobe::Mirror(Mirror::Metal(metal)),
+/// Adds the roughnesses that `alpha` takes on a surface. Two that differ from place to place are
+/// looked up as one, and not where they are two.
+fn add_needs(alpha: &[ScalarTexture; 2], out: &mut Alphas) {
+    match [&alpha[0], &alpha[1]].map(ScalarTexture::constant) {
+        [Some(_), Some(_)] => {
+            if let Some(ggx) = roughness(alpha, DVec2::ZERO) {
+                out.add(ggx.alpha);
+            }
+        }
+        _ => out.add_range([0.0, 1.0]),
     }
 }
 
 impl LobeSpec {
-    fn build(&self, uv: DVec2, wavelengths: &SampledWavelengths, interface: &Interface) -> Lobe {
+    /// The lobe at a point; with `multiple` scattering between facets or without.
+    fn build(
+        &self,
+        uv: DVec2,
+        wavelengths: &SampledWavelengths,
+        interface: &Interface,
+        multiple: bool,
+    ) -> Lobe {
         let at = |texture: &SpectrumTexture| texture.sample(uv, wavelengths);
+        let reflector = |metal: Metal, ggx: Option<Ggx>| match ggx {
+            Some(ggx) if multiple => Lobe::Conductor(Conductor::new(ggx, metal, interface)),
+            Some(ggx) => Lobe::Conductor(Conductor::single(ggx, metal)),
+            None => Lobe::Mirror(Mirror::Metal(metal)),
+        };
         match self {
             Self::Diffuse { reflectance } => Lobe::Diffuse(Diffuse {
                 reflectance: at(reflectance),
@@ -182,6 +203,7 @@ impl LobeSpec {
                         ggx,
                         reflect_tint,
                         transmit_tint,
+                        multiple,
                     }),
                     _ => Lobe::Dielectric(Dielectric {
                         reflect_tint,
@@ -197,9 +219,11 @@ impl LobeSpec {
                 reflectance,
                 coat,
                 strength,
+                alpha,
             } => Lobe::Coated(CoatedDiffuse {
                 reflectance: at(reflectance),
                 coat: coat.with_strength(strength.eval(uv).clamp(0.0, 1.0)),
+                rough: if multiple { roughness(alpha, uv) } else { None },
             }),
             Self::Coat { index, alpha, tint } => {
                 let metal = Metal {
@@ -207,7 +231,11 @@ impl LobeSpec {
                     k: SampledSpectrum::ZERO,
                     tint: at(tint) * (1.0 / COAT_SHARE) as f32,
                 };
-                reflector(metal, roughness(alpha, uv))
+                // what its facets hold back is light of the base
+                match roughness(alpha, uv) {
+                    Some(ggx) => Lobe::Conductor(Conductor::single(ggx, metal)),
+                    None => Lobe::Mirror(Mirror::Metal(metal)),
+                }
             }
         }
     }
@@ -232,10 +260,11 @@ impl LobeSpec {
                 Self::CoatedDiffuse {
                     reflectance,
                     strength,
+                    alpha,
                     ..
                 } => {
                     strength.append_images(out);
-                    ([Some(reflectance), None], None)
+                    ([Some(reflectance), None], Some(alpha))
                 }
                 Self::Conductor { tint, alpha, .. } | Self::Coat { tint, alpha, .. } => {
                     ([Some(tint), None], Some(alpha))
@@ -332,6 +361,9 @@ pub struct Material {
     /// Where the surface is there; `None`: everywhere. Only for surfaces that separate no media and
     /// emit nothing.
     pub coverage: Option<Coverage>,
+    /// Light that facets of a rough lobe send to other facets is lost, instead of leaving after
+    /// several.
+    pub single_scattering: bool,
 }
 
 impl Material {
@@ -385,6 +417,7 @@ impl Material {
         interface: &Interface,
         out: &mut Vec<(f32, Lobe)>,
     ) {
+        let multiple = !self.single_scattering;
         let lobes = self
             .lobes
             .iter()
@@ -397,8 +430,36 @@ impl Material {
             })
             .filter(|(weight, _)| *weight > 0.0)
             .take(4)
-            .map(|(weight, spec)| (weight as f32, spec.build(uv, wavelengths, interface)));
+            .map(|(weight, spec)| {
+                (
+                    weight as f32,
+                    spec.build(uv, wavelengths, interface, multiple),
+                )
+            });
         out.extend(lobes);
+    }
+
+    /// Adds what its rough lobes look up. The indices of dielectric interfaces are for the caller to
+    /// add, who knows the media; whether there are any rough ones is told.
+    pub fn add_needs(&self, needs: &mut Needs) -> bool {
+        let mut is_rough_interface = false;
+        for (_, lobe) in self.lobes.iter().filter(|_| !self.single_scattering) {
+            match lobe {
+                LobeSpec::Conductor { alpha, .. } | LobeSpec::ColoredMetal { alpha, .. } => {
+                    add_needs(alpha, &mut needs.reflectors);
+                }
+                LobeSpec::Dielectric { alpha, .. } if !is_smooth(alpha) => {
+                    add_needs(alpha, &mut needs.interfaces);
+                    is_rough_interface = true;
+                }
+                LobeSpec::CoatedDiffuse { alpha, coat, .. } if !is_smooth(alpha) => {
+                    add_needs(alpha, &mut needs.layers);
+                    needs.layer_indices.push(coat.index);
+                }
+                _ => {}
+            }
+        }
+        is_rough_interface
     }
 
     /// Whether light crosses the surface without any vertex when the media on both sides are the
@@ -446,6 +507,7 @@ impl Material {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bsdf::albedo::NO_ALBEDOS;
     use crate::geometry::{InstanceId, SurfaceId};
     use crate::spectrum::Curve;
 
@@ -506,6 +568,7 @@ mod tests {
                 eta_below: below,
                 count,
                 dispersive: false,
+                albedos: &NO_ALBEDOS,
             })
         };
         assert!(is_matched(&below, 4));

@@ -1,11 +1,15 @@
-//! Diffuse reflection under a smooth dielectric layer, without the reflection by the layer itself
-//! (another lobe).
+//! Diffuse reflection under a dielectric layer, without the reflection by the layer itself (another
+//! lobe).
 //!
 //! g = ρ/(π η²) T(ω⁻) T(ω⁺) / (1 - R̄) with T = 1 - R of the layer and R̄ the mean of R over the
 //! hemisphere: symmetric, and under a layer of full strength a white base and the layer reflect
 //! together exactly what arrives (the coupling of Ashikhmin and Shirley 2000, with the exact
-//! Fresnel reflectance in place of Schlick's).
+//! reflectance in place of Schlick's). R is Fresnel's for a smooth layer; for a rough one it is what
+//! its facets reflect at once: what they send to other facets, of which few reflect, goes to the
+//! base.
 
+use super::albedo::profile::Blend;
+use super::microfacet::Ggx;
 use super::{BsdfEval, Interface, cosine_on_side, fresnel};
 use crate::math::sampling::cosine_hemisphere_pdf;
 use crate::spectrum::SampledSpectrum;
@@ -47,9 +51,20 @@ impl Coat {
         Self { strength, ..self }
     }
 
-    /// Transmittance of the layer at cosine `cos`.
+    /// Transmittance of the smooth layer at cosine `cos`.
     fn transmittance(&self, cos: f64) -> f64 {
         1.0 - self.strength * fresnel::dielectric(cos, 1.0, self.index)
+    }
+
+    /// Share of the light from `w_light` that reaches a base and leaves it to `w_camera`, from all
+    /// that a white base sends back.
+    fn passed(&self, w_light: DVec3, w_camera: DVec3, rough: Option<&Blend>) -> f64 {
+        let Some(reflected) = rough else {
+            let [a, b] = [w_light, w_camera].map(|w| self.transmittance(w.z.abs()));
+            return a * b / (1.0 - self.strength * self.mean);
+        };
+        let [a, b] = [w_light, w_camera].map(|w| 1.0 - self.strength * reflected.at(w));
+        a * b / (1.0 - self.strength * reflected.mean())
     }
 }
 
@@ -60,6 +75,8 @@ pub struct CoatedDiffuse {
     pub reflectance: SampledSpectrum,
     /// The layer.
     pub coat: Coat,
+    /// Facets of a rough layer; `None`: as under a smooth one.
+    pub rough: Option<Ggx>,
 }
 
 impl CoatedDiffuse {
@@ -72,9 +89,9 @@ impl CoatedDiffuse {
         let cos_camera = cosine_on_side(w_camera, w_light)?;
         let cos_light = w_light.z.abs();
         let eta = interface.near(w_light.z > 0.0);
-        let coat = &self.coat;
-        let passed = coat.transmittance(cos_light) * coat.transmittance(cos_camera)
-            / (1.0 - coat.strength * coat.mean);
+        let layer = |ggx: &Ggx| interface.albedos.reflected_by_layer(ggx, self.coat.index);
+        let rough = self.rough.as_ref().and_then(layer);
+        let passed = self.coat.passed(w_light, w_camera, rough.as_ref());
         let mut eval = BsdfEval::BLACK;
         eval.g = interface.lanes(|k| FRAC_1_PI * passed / (eta[k] * eta[k])) * self.reflectance;
         eval.pdf_camera = cosine_hemisphere_pdf(cos_camera);
@@ -91,6 +108,7 @@ impl CoatedDiffuse {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bsdf::albedo::NO_ALBEDOS;
     use crate::spectrum::MAX_LANES;
 
     #[test]
@@ -100,12 +118,14 @@ mod tests {
             eta_below: &[1.0; MAX_LANES],
             count: 1,
             dispersive: false,
+            albedos: &NO_ALBEDOS,
         };
         for (index, strength) in [(1.5, 1.0), (2.4, 1.0), (1.5, 0.3)] {
             let coat = Coat::new(index, strength);
             let lobe = CoatedDiffuse {
                 reflectance: SampledSpectrum::ONE,
                 coat,
+                rough: None,
             };
             for cos in [0.1_f64, 0.5, 1.0] {
                 let w = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);

@@ -1,6 +1,7 @@
 //! Metals and mirrors: reflection only, alike on both sides.
 
 use super::microfacet::Ggx;
+use super::multiscatter::{Reflection, share_left};
 use super::{BsdfEval, Interface, cosine_on_side, fresnel};
 use crate::spectrum::SampledSpectrum;
 use glam::DVec3;
@@ -21,6 +22,18 @@ impl Metal {
     fn reflectance(&self, lane: usize, cos: f64, eta: f64) -> f64 {
         let (n, k) = (f64::from(self.n[lane]), f64::from(self.k[lane]));
         fresnel::conductor(cos, eta, n, k) * f64::from(self.tint[lane])
+    }
+
+    /// Shares per lane, above and below, that are left of the light that facets of mean loss `lost`
+    /// hold back.
+    fn shares_left(&self, lost: f64, interface: &Interface) -> [SampledSpectrum; 2] {
+        let side = |above| {
+            let eta = interface.near(above);
+            interface.lanes(|k| share_left(lost, |cos| self.reflectance(k, cos, eta[k])))
+        };
+        let above = side(true);
+        let is_alike = interface.eta_above == interface.eta_below;
+        [above, if is_alike { above } else { side(false) }]
     }
 }
 
@@ -57,9 +70,40 @@ pub struct Conductor {
     pub ggx: Ggx,
     /// Reflection at each facet.
     pub metal: Metal,
+    /// Share per lane, above and below, that is left of light after more than one facet; `None`:
+    /// it is lost.
+    multiple: Option<[SampledSpectrum; 2]>,
 }
 
 impl Conductor {
+    /// A metal whose light leaves after one facet or not at all.
+    #[must_use]
+    pub fn single(ggx: Ggx, metal: Metal) -> Self {
+        Self {
+            ggx,
+            metal,
+            multiple: None,
+        }
+    }
+
+    /// A metal with multiple scattering, where the tables of `interface` have its roughness.
+    #[must_use]
+    pub fn new(ggx: Ggx, metal: Metal, interface: &Interface) -> Self {
+        let lost = interface.albedos.lost_by_reflector(&ggx);
+        Self {
+            multiple: lost.map(|lost| metal.shares_left(lost.mean(), interface)),
+            ..Self::single(ggx, metal)
+        }
+    }
+
+    fn multiple<'a>(
+        &self,
+        interface: &Interface<'a>,
+    ) -> Option<(Reflection<'a>, &[SampledSpectrum; 2])> {
+        let shares = self.multiple.as_ref()?;
+        Some((Reflection::new(interface.albedos, &self.ggx)?, shares))
+    }
+
     pub(super) fn eval(
         &self,
         w_light: DVec3,
@@ -77,13 +121,35 @@ impl Conductor {
         let jacobian = 0.25 / cos;
         eval.pdf_camera = self.ggx.visible_pdf(w_light, m) * jacobian;
         eval.pdf_light = self.ggx.visible_pdf(w_camera, m) * jacobian;
+        if let Some((multiple, [above, below])) = self.multiple(interface) {
+            let kernel = multiple.kernel(w_light, w_camera);
+            let share = if w_light.z > 0.0 { above } else { below };
+            eval.g += interface.lanes(|k| kernel / (eta[k] * eta[k])) * *share;
+            let mix = |single: f64, given: DVec3, generated: DVec3| {
+                let p = multiple.probability(given);
+                single + p * (multiple.density(generated) - single)
+            };
+            eval.pdf_camera = mix(eval.pdf_camera, w_light, w_camera);
+            eval.pdf_light = mix(eval.pdf_light, w_camera, w_light);
+        }
         Some(eval)
     }
 
     /// A direction for `given` above the surface. `None` when the facet sends it below: elsewhere
     /// in a mixture that direction would be taken for a transmission.
-    pub(super) fn generate(&self, given: DVec3, u: [f64; 2]) -> Option<DVec3> {
-        let m = self.ggx.sample_visible(given, u);
+    pub(super) fn generate(
+        &self,
+        given: DVec3,
+        interface: &Interface,
+        u: [f64; 3],
+    ) -> Option<DVec3> {
+        let [choice, x, y] = u;
+        if let Some((multiple, _)) = self.multiple(interface)
+            && choice < multiple.probability(given)
+        {
+            return Some(multiple.generate([x, y]));
+        }
+        let m = self.ggx.sample_visible(given, [x, y]);
         let w = 2.0 * given.dot(m) * m - given;
         (w.z > 0.0).then_some(w)
     }

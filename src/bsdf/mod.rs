@@ -5,6 +5,7 @@
 //! the surface. ω⁻ points towards the light side of the path, ω⁺ towards the camera side. `g = f /
 //! η₊²` is symmetric.
 
+pub mod albedo;
 pub mod coated;
 pub mod conductor;
 pub mod dielectric;
@@ -13,6 +14,7 @@ pub mod fresnel;
 pub mod interface;
 pub mod lobe;
 pub mod microfacet;
+pub mod multiscatter;
 pub mod rough_dielectric;
 pub mod thin;
 
@@ -250,7 +252,7 @@ impl Bsdf<'_> {
         };
         let w = match lobe {
             Lobe::Diffuse(_) | Lobe::Coated(_) => diffuse::Diffuse::generate([u[1], u[2]]),
-            Lobe::Conductor(lobe) => lobe.generate(up, [u[1], u[2]])?,
+            Lobe::Conductor(lobe) => lobe.generate(up, &self.interface, [rest, u[1], u[2]])?,
             Lobe::RoughDielectric(lobe) => {
                 lobe.generate(up, &self.interface, [rest, u[1], u[2]], above)?
             }

@@ -6,6 +6,7 @@
 //! pair of directions, hence its own value and its own density.
 
 use super::microfacet::Ggx;
+use super::multiscatter::Exchange;
 use super::{BsdfEval, Interface, LaneDensity, cosine_on_side, fresnel};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use glam::DVec3;
@@ -19,6 +20,9 @@ pub struct RoughDielectric {
     pub reflect_tint: SampledSpectrum,
     /// Factor on transmission per lane.
     pub transmit_tint: SampledSpectrum,
+    /// Whether light leaves after more than one facet too, where the tables of the interface have
+    /// its roughness.
+    pub multiple: bool,
 }
 
 /// Kernel and densities of one lane for a transmitted pair.
@@ -35,11 +39,68 @@ impl RoughDielectric {
         w_camera: DVec3,
         interface: &Interface,
     ) -> Option<BsdfEval> {
-        if cosine_on_side(w_camera, w_light).is_some() {
+        let single = if cosine_on_side(w_camera, w_light).is_some() {
             self.eval_reflection(w_light, w_camera, interface)
         } else {
             self.eval_transmission(w_light, w_camera, interface)
+        };
+        match self.exchange(interface, interface.mean_indices()) {
+            Some(multiple) if w_light.z * w_camera.z != 0.0 => {
+                let single = single.unwrap_or(BsdfEval::BLACK);
+                Some(self.with_multiple(single, &multiple, w_light, w_camera, interface))
+            }
+            _ => single,
         }
+    }
+
+    /// Multiple scattering between media of index `eta` above and below.
+    fn exchange<'a>(&self, interface: &Interface<'a>, eta: [f64; 2]) -> Option<Exchange<'a>> {
+        if self.multiple {
+            Exchange::new(interface.albedos, &self.ggx, eta)
+        } else {
+            None
+        }
+    }
+
+    /// Sum of single and multiple scattering: the kernel of each lane, and the densities of `mean`,
+    /// which are the same whichever lane is the hero.
+    fn with_multiple(
+        &self,
+        mut eval: BsdfEval,
+        mean: &Exchange,
+        w_light: DVec3,
+        w_camera: DVec3,
+        interface: &Interface,
+    ) -> BsdfEval {
+        let (above, below) = (interface.eta_above, interface.eta_below);
+        let g = if interface.dispersive {
+            interface.lanes(|k| {
+                let lane = self.exchange(interface, [above[k], below[k]]);
+                lane.map_or(0.0, |lane| lane.kernel(w_light, w_camera))
+            })
+        } else {
+            let hero = mean.kernel(w_light, w_camera);
+            interface.lanes(|k| hero * (above[0] / above[k]).powi(2))
+        };
+        let is_reflected = w_light.z * w_camera.z > 0.0;
+        eval.g += g * if is_reflected {
+            self.reflect_tint
+        } else {
+            self.transmit_tint
+        };
+        let mix = |given: DVec3, generated: DVec3| {
+            let p = mean.probability(given);
+            let own = p * mean.density(given, generated);
+            move |single: f64| (1.0 - p) * single + own
+        };
+        let (camera, light) = (mix(w_light, w_camera), mix(w_camera, w_light));
+        eval.pdf_camera = camera(eval.pdf_camera);
+        eval.pdf_light = light(eval.pdf_light);
+        if let Some((camera_lanes, light_lanes)) = &mut eval.columns {
+            camera_lanes.lanes = camera_lanes.lanes.map(camera);
+            light_lanes.lanes = light_lanes.lanes.map(light);
+        }
+        eval
     }
 
     fn eval_reflection(
@@ -155,9 +216,17 @@ impl RoughDielectric {
         u: [f64; 3],
         above: bool,
     ) -> Option<DVec3> {
+        let mut choice = u[0];
+        if let Some(multiple) = self.exchange(interface, interface.mean_indices()) {
+            let p = multiple.probability(given_side(given, above));
+            if choice < p {
+                return Some(multiple.generate(above, [choice / p, u[1], u[2]]));
+            }
+            choice = (choice - p) / (1.0 - p);
+        }
         let m = self.ggx.sample_visible(given, [u[1], u[2]]);
         let cos = given.dot(m).clamp(0.0, 1.0);
-        if u[0] < interface.mean_reflectance(cos, above) {
+        if choice < interface.mean_reflectance(cos, above) {
             let w = 2.0 * cos * m - given;
             (w.z > 0.0).then_some(w)
         } else {
@@ -165,5 +234,14 @@ impl RoughDielectric {
             let w = fresnel::refract(given, m, near[0], far[0])?;
             (w.z < 0.0).then_some(w)
         }
+    }
+}
+
+/// The direction itself of one that was turned up.
+fn given_side(up: DVec3, above: bool) -> DVec3 {
+    if above {
+        up
+    } else {
+        DVec3::new(up.x, up.y, -up.z)
     }
 }

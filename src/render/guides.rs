@@ -63,6 +63,7 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                     eta_below: &[1.5; MAX_LANES],
                     count: lanes.count(),
                     dispersive: false,
+                    albedos: scene.albedos(),
                 };
                 let mut lobes = Vec::new();
                 material.push_lobes(point.uv, lanes, &interface, &mut lobes);

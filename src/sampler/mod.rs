@@ -154,24 +154,29 @@ impl Sampler {
     pub fn set(&self, draw: Draw) -> [f64; 4] {
         let place = draw.place();
         let Place { kind, index, .. } = place;
-        let fine: [f64; 4] = std::array::from_fn(|i| self.hashed(kind, index, i as u64));
-        let Some(set) = place.set else { return fine };
+        let Some(set) = place.set else {
+            return std::array::from_fn(|i| unit_f64(self.bits(kind, index, i as u64)));
+        };
         // the sequence gives the leading 23 bits, the hash the rest; its seed shuffles and scrambles
         let sequence = kind << 56 | if place.joint { 0 } else { index };
         let scramble = combine(self.scramble, sequence) as u32;
         let leading = sobol_burley::sample_4d(self.index, set, scramble);
-        std::array::from_fn(|i| f64::from(leading[i]) + fine[i] * (1.0 / 8_388_608.0))
+        let fine = [self.bits(kind, index, 0), self.bits(kind, index, 1)];
+        std::array::from_fn(|i| {
+            let fine = fine[i / 2] >> (32 * (i % 2)) & 0x3fff_ffff;
+            f64::from(leading[i]) + fine as f64 * (1.0 / 9_007_199_254_740_992.0)
+        })
     }
 
     /// One number in [0, 1) for a draw that is never stratified.
     #[must_use]
     pub fn number(&self, draw: Draw) -> f64 {
         let Place { kind, index, .. } = draw.place();
-        self.hashed(kind, index, 0)
+        unit_f64(self.bits(kind, index, 0))
     }
 
-    fn hashed(&self, kind: u64, index: u64, component: u64) -> f64 {
-        unit_f64(random_bits(self.key, kind << 58 | index << 2 | component))
+    fn bits(&self, kind: u64, index: u64, component: u64) -> u64 {
+        random_bits(self.key, kind << 58 | index << 2 | component)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The scene at one moment: all that a path asks of it.
 
 use super::Scene;
+use crate::bsdf::albedo::AlbedoTables;
 use crate::geometry::{AccelAt, Hit, InstanceId, Moment, Placements, Ray, SurfacePoint};
 use std::ops::Deref;
 
@@ -36,6 +37,12 @@ impl<'a> SceneAt<'a> {
     #[must_use]
     pub fn moment(&self) -> Moment<'a> {
         self.geometry.moment()
+    }
+
+    /// Albedos of rough lobes.
+    #[must_use]
+    pub fn albedos(&self) -> &'a AlbedoTables {
+        &self.scene.albedos
     }
 
     /// The closest hit among the instances for which `visible` says true.

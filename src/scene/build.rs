@@ -1,5 +1,6 @@
 //! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends of paths.
 
+use super::albedo::albedo_tables;
 use super::description::{
     LightDescription, ObjectDescription, SceneDescription, SensorDescription, WavelengthChoice,
     WavelengthSettings,
@@ -107,6 +108,7 @@ impl Scene {
         if surfaces >= u32::MAX as usize {
             return Err(BuildError::TooManyInstances(u32::MAX));
         }
+        let albedos = albedo_tables(&description);
         let mut builder = Builder::new(&mut description);
         builder.surfaces(std::mem::take(&mut description.objects));
         builder.lights(std::mem::take(&mut description.lights));
@@ -140,6 +142,7 @@ impl Scene {
             accel,
             objects,
             materials,
+            albedos,
             media: description.media,
             wavelength_settings: description.wavelengths,
             lights,

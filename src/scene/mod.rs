@@ -1,5 +1,6 @@
 //! The immutable scene: everything the transport needs, validated when it is built.
 
+mod albedo;
 pub mod at;
 pub mod build;
 pub mod builder;
@@ -17,6 +18,7 @@ pub use builder::{SceneBuilder, SceneBuilderError};
 pub use description::{SceneDescription, WavelengthSettings};
 pub use settings::Settings;
 
+use crate::bsdf::albedo::AlbedoTables;
 use crate::camera::Camera;
 use crate::film::{Crop, Filter};
 use crate::geometry::{Accel, InstanceId, Shutter, SurfacePoint};
@@ -83,6 +85,8 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// Materials.
     pub materials: Vec<Material>,
+    /// Albedos of the rough lobes of the materials.
+    pub albedos: AlbedoTables,
     /// Media; \[0\] is the ambient one.
     pub media: Vec<Medium>,
     /// Lights.

@@ -140,6 +140,7 @@ impl<'a> PathContext<'a> {
             count: self.count(),
             dispersive: (above.dispersive || below.dispersive)
                 && regions[0].medium != regions[1].medium,
+            albedos: self.scene.albedos(),
         }
     }
 

@@ -204,6 +204,7 @@ fn finished(
 mod tests {
     use super::*;
     use crate::bsdf::Interface;
+    use crate::bsdf::albedo::NO_ALBEDOS;
     use crate::bsdf::conductor::Mirror;
     use crate::bsdf::dielectric::Dielectric;
     use crate::math::frame::Frame;
@@ -223,6 +224,7 @@ mod tests {
                 eta_below: kept([eta_below; MAX_LANES]),
                 count: 4,
                 dispersive: false,
+                albedos: &NO_ALBEDOS,
             },
         }
     }

@@ -307,6 +307,7 @@ impl Reader<'_> {
                         reflectance: base.clone(),
                         coat: Coat::new(layer, 1.0),
                         strength: strength.clone(),
+                        alpha: alpha.clone(),
                     },
                 ));
                 lobes.push((

@@ -93,6 +93,7 @@ impl Reader<'_> {
                     reflectance: base.clone(),
                     coat: Coat::new(index, 1.0),
                     strength: 1.0.into(),
+                    alpha: alpha.clone(),
                 };
                 lobes.push((opaque.clone(), coat));
                 let layer = LobeSpec::Coat {

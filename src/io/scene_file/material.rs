@@ -214,13 +214,14 @@ impl Build for CoatedKeys {
         let coat = Coat::new(self.ior, 1.0);
         let layer = LobeSpec::Coat {
             index: coat.index,
-            alpha,
+            alpha: alpha.clone(),
             tint: Curve::Constant(1.0).into(),
         };
         let base = LobeSpec::CoatedDiffuse {
             reflectance: value,
             coat,
             strength: 1.0.into(),
+            alpha,
         };
         Some((vec![layer, base], image_of([&image_at, &rough_at])))
     }
@@ -332,6 +333,9 @@ keys! {
         coverage: Option<Scalar>, in UNIT_INTERVAL, or "1";
         /// With `coverage`: all from this coverage on, nothing below.
         cutoff: Option<f64>, in UNIT_INTERVAL, or "none";
+        /// Light that meets several facets of a rough surface leaves it, so that what absorbs
+        /// nothing loses nothing; else only light of a single facet does.
+        multiscatter: bool, default true;
     }
 }
 
@@ -376,6 +380,7 @@ impl Build for MaterialKeys {
                 alpha: alpha.value,
                 cutoff: self.cutoff,
             }),
+            single_scattering: !self.multiscatter,
         };
         Some((material, image_of([&lobe_at, &normal_at, &cover_at])))
     }
