@@ -64,7 +64,7 @@ fn tables_that_say_nothing_here_are_refused() {
             "allowed: at most 10 %, or extrapolate = true",
         ),
         ("400,1e308\n500,1e308\n", LAMP, "allowed: "),
-        ("360,1e20\n830,1e20\n", GLASS, "allowed: 1 to 10"),
+        ("360,1e20\n830,1e20\n", GLASS, "n from 1 to 10"),
     ] {
         let error = scene(rows, item).expect_err(rows);
         assert!(error.contains(expected), "{rows}: {error}");

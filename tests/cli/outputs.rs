@@ -190,12 +190,13 @@ fn what_does_not_fit_is_told_before() {
 fn what_is_no_file_is_not_read() {
     let dir = folder();
     make_pipe(&dir, "pipe");
+    make_pipe(&dir, "pipe.zmx");
     for (arguments, name) in [
         ("info /dev/zero", "/dev/zero"),
         ("info pipe", "pipe"),
         ("compare pipe pipe", "pipe"),
         ("merge pipe -o a.exr", "pipe"),
-        ("lens pipe", "pipe"),
+        ("lens pipe.zmx", "pipe.zmx"),
     ] {
         let message = fail(dir.path(), arguments, 1);
         assert!(

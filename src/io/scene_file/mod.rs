@@ -32,7 +32,7 @@ pub use error::{Place, Problem, SceneFileError, SceneFileErrors};
 
 use crate::io::atomic::folder;
 use crate::io::convert::shortest_scene;
-use crate::io::files::{self, FileProblem};
+use crate::io::files;
 use crate::io::model_file::ModelKind;
 use crate::scene::description::SceneDescription;
 use crate::scene::settings::Settings;
@@ -143,22 +143,14 @@ fn read_source(source: &Source, folder: Option<&Path>) -> Result<LoadedScene, Sc
 }
 
 fn read_scene_text(path: &Path) -> Result<String, Problem> {
-    let name = path.display().to_string();
-    let bad = |message: String| {
-        Problem::from(FileProblem::Bad {
-            path: name.clone(),
-            message,
-        })
-    };
-    let bytes = files::read_regular(path, files::MAX_SCENE_BYTES).map_err(|e| match e.kind() {
+    let bytes = files::read_regular(path, files::MAX_SCENE_BYTES);
+    let bytes = bytes.map_err(|e| match e.kind() {
         ErrorKind::NotFound => Problem::no_file(),
-        _ => bad(e.to_string()),
+        _ => Problem::Form(e.to_string()),
     })?;
     String::from_utf8(bytes).map_err(|e| {
-        bad(format!(
-            "not UTF-8 at byte {}",
-            e.utf8_error().valid_up_to()
-        ))
+        let at = e.utf8_error().valid_up_to();
+        Problem::Form(format!("not UTF-8 at byte {at}"))
     })
 }
 
