@@ -44,11 +44,13 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
         part::write(path, &merged)?;
     }
     if !options.quiet {
-        print(&format!(
-            "{}: {} parts, {passes} passes\n",
-            options.output.display(),
-            options.parts.len()
-        ));
+        let parts = options.parts.len();
+        let [part, pass] = [
+            (parts, "part", "parts"),
+            (passes as usize, "pass", "passes"),
+        ]
+        .map(|(n, one, several)| format!("{n} {}", if n == 1 { one } else { several }));
+        print(&format!("{}: {part}, {pass}\n", options.output.display()));
     }
     Ok(Outcome::Done)
 }
