@@ -1,15 +1,15 @@
 //! From spectra to CIE XYZ and to linear sRGB.
 //!
 //! XYZ is the sum over 360..830 nm against the 1931 2 degree observer at every whole nanometer (CIE
-//! 15) and, with the weights of the trapezoidal rule, at the points of the spectrum's own tables in
-//! between, divided by N_Y: a constant spectrum of 1 has Y = 1. Linear sRGB goes through palette's
+//! 15), divided by N_Y: a constant spectrum of 1 has Y = 1. Where the tables of a spectrum have points
+//! between two whole nanometers, the integral stands for the sum there. Linear sRGB goes through palette's
 //! published matrices (rounded at 1e-7) and serves previews and RGB input only.
 
 use palette::convert::FromColorUnclamped;
 use palette::white_point::D65;
 use palette::{LinSrgb, Xyz};
 
-use super::integral::cells;
+use super::integral::{cells, over_cell};
 use super::{Curve, Emission, cie};
 
 pub use super::cie::{N_Y, cmf};
@@ -17,22 +17,22 @@ pub use super::cie::{N_Y, cmf};
 /// XYZ of a spectrum given as a function of the wavelength, whose tables have the points `knots_nm` (nanometers).
 #[must_use]
 pub fn spectrum_to_xyz(knots_nm: &[f64], f: impl Fn(f64) -> f64) -> [f64; 3] {
+    let product = |nm: f64| cmf(nm).map(|matching| matching * f(nm));
+    let half = |nm: f64| product(nm).map(|v| 0.5 * v);
     let mut observed = [0.0; 3];
+    let mut add = |part: [f64; 3]| observed.iter_mut().zip(part).for_each(|(sum, v)| *sum += v);
     for (a, b) in cells([cie::FIRST_NM, cie::LAST_NM], knots_nm) {
-        // inside the cell: spectra may jump at its ends
-        for nm in [a.next_up(), b.next_down()] {
-            let weight = 0.5 * (b - a) * f(nm);
-            for (sum, matching) in observed.iter_mut().zip(cmf(nm)) {
-                *sum += weight * matching;
-            }
+        if b - a == 1.0 {
+            // inside the cell: spectra may jump at its ends
+            add(half(a.next_up()));
+            add(half(b.next_down()));
+        } else {
+            add(over_cell((a, b), product));
         }
     }
     // the sum counts its first and last entry whole
-    for nm in [cie::FIRST_NM, cie::LAST_NM] {
-        for (sum, matching) in observed.iter_mut().zip(cmf(nm)) {
-            *sum += 0.5 * f(nm) * matching;
-        }
-    }
+    add(half(cie::FIRST_NM));
+    add(half(cie::LAST_NM));
     observed.map(|v| v / N_Y)
 }
 
