@@ -23,7 +23,7 @@ const ALPHAS: [[f64; 2]; 7] = [
 ];
 const INDICES: [f64; 3] = [1.05, 1.5, 2.5];
 /// Points of a quadrature over what a sample draws.
-const SAMPLES: u32 = 4096;
+const SAMPLES: u32 = 16_384;
 /// What is claimed of white furnaces.
 const TOLERANCE: f64 = 0.01;
 
