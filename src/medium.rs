@@ -223,7 +223,8 @@ impl Region {
     }
 }
 
-/// The absorption coefficient in 1/m that leaves `transmittance` after `distance_m`, at every nanometre of the range.
+/// Absorption coefficient in 1/m that leaves `transmittance` after `distance_m`, at every nanometer
+/// of the range and at the points of its table.
 #[must_use]
 pub fn absorption_of(transmittance: &Curve, distance_m: f64, [low, high]: [f64; 2]) -> Curve {
     // what lets nothing through over the distance lets 1e-6 through, so that coefficients stay finite
@@ -232,9 +233,13 @@ pub fn absorption_of(transmittance: &Curve, distance_m: f64, [low, high]: [f64; 
         return Curve::Constant(coefficient(low));
     }
     let steps = (high - low).ceil().max(1.0) as usize;
-    let nm: Vec<f64> = (0..=steps)
-        .map(|i| low + (high - low) * i as f64 / steps as f64)
+    let even = (0..=steps).map(|i| low + (high - low) * i as f64 / steps as f64);
+    let inside = |l: &f64| (low..=high).contains(l);
+    let mut nm: Vec<f64> = even
+        .chain(transmittance.knots_nm().into_iter().filter(inside))
         .collect();
+    nm.sort_by(f64::total_cmp);
+    nm.dedup();
     let values: Vec<f64> = nm.iter().map(|&nm| coefficient(nm)).collect();
     Curve::table(&nm, &values)
 }

@@ -36,21 +36,25 @@ const MAX_LINES: usize = 700;
 /// What a reader takes in before the first render.
 const README_LINES: usize = 150;
 /// Crates that only some files may name, so that replacing one touches only those.
-const CRATES: [(&str, &[&str]); 11] = [
+const CRATES: [(&str, &[&str]); 12] = [
     ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
         &["io/scene_file/", "spectrum/read.rs", "spectrum/library.rs"],
     ),
-    ("tobj", &["io/obj.rs", "io/mtl.rs"]),
-    ("exr", &["io/exr.rs", "io/exr_header.rs"]),
-    ("png", &["io/png.rs", "io/image_file.rs"]),
+    (
+        "exr",
+        &["io/exr.rs", "io/exr_header.rs", "io/image_file/open_exr.rs"],
+    ),
+    ("tobj", &["io/mtl/statements.rs"]),
+    ("png", &["io/png.rs", "io/image_file/png.rs"]),
     ("palette", &["spectrum/xyz.rs"]),
     ("gltf", &["io/gltf/"]),
-    ("zune_jpeg", &["io/image_file.rs"]),
+    ("moxcms", &["io/image_file/icc.rs"]),
     ("clap", &["cli/"]),
     ("ctrlc", &["cli/"]),
     ("indicatif", &["cli/"]),
+    ("signal_hook", &["cli/"]),
 ];
 
 fn root() -> PathBuf {

@@ -2,7 +2,7 @@
 
 use super::args::InfoOptions;
 use super::usage::bytes_text;
-use super::{CliError, Outcome, glass, print, summary};
+use super::{CliError, Outcome, glass, print, summary, tell};
 use crate::geometry::{Shape, Shutter};
 use crate::io::loaded::{Loaded, load};
 use crate::render::OutputRequest;
@@ -18,7 +18,7 @@ use std::fmt::Write as _;
 pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
     let loaded = load(&options.scene, &options.overrides.set)?;
     for warning in &loaded.warnings {
-        eprintln!("warning: {warning}");
+        tell(&format!("warning: {warning}"));
     }
     print(&if options.json {
         format!("{:#}\n", to_json(&loaded))

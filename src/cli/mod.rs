@@ -14,9 +14,11 @@ mod info;
 mod interrupt;
 mod keys;
 mod lens;
+mod memory;
 mod merge;
 mod progress;
 mod render;
+mod save;
 mod stats;
 mod summary;
 mod threads;
@@ -67,15 +69,31 @@ pub fn run() -> ExitCode {
         Ok(Outcome::Interrupted) => ExitCode::from(INTERRUPTED),
         Err(error) => {
             for line in error.to_string().lines() {
-                eprintln!("error: {line}");
+                tell(&format!("error: {line}"));
             }
             ExitCode::from(error.exit_code())
         }
     }
 }
 
+/// Writes a line to stderr. Names from files may hold what would control a terminal.
+fn tell(line: &str) {
+    use std::io::Write;
+    // where stderr is closed or full nobody is left to tell
+    _ = writeln!(std::io::stderr().lock(), "{}", harmless(line));
+}
+
+/// Text without control characters but line ends and tabs.
+fn harmless(text: &str) -> String {
+    let keep = |c: char| !c.is_control() || matches!(c, '\n' | '\t');
+    let shown = |c: char| if keep(c) { c } else { '\u{fffd}' };
+    text.chars().map(shown).collect()
+}
+
 /// Writes to stdout. A reader that has closed the pipe (`abbe info SCENE | head`) ends the output, not the command.
 fn print(text: &str) {
     use std::io::Write;
-    _ = std::io::stdout().lock().write_all(text.as_bytes());
+    _ = std::io::stdout()
+        .lock()
+        .write_all(harmless(text).as_bytes());
 }

@@ -2,6 +2,7 @@
 //! together.
 
 use super::part::{PartHeader, PassRange};
+use crate::camera::CameraKind;
 use crate::film::Filter;
 use crate::math::hash::hash_bytes;
 use crate::render::{EpsilonChoice, RadiusChoice, Render};
@@ -40,11 +41,22 @@ fn wavelengths_name(settings: &WavelengthSettings) -> String {
     }
 }
 
-fn unit_name(response: SensorResponse) -> &'static str {
-    match response {
-        SensorResponse::Xyz => "radiance, unit equal-energy radiance has Y = 1",
-        SensorResponse::Photometric => "photometric, 683 lm/W",
+/// Quantity and unit of the image. Detectors measure irradiance, cameras radiance.
+fn unit_name(response: SensorResponse, is_detector: bool) -> &'static str {
+    match (response, is_detector) {
+        (SensorResponse::Xyz, false) => "radiance, unit equal-energy radiance has Y = 1",
+        (SensorResponse::Xyz, true) => {
+            "irradiance, equal-energy irradiance of 1 W/(m^2 nm) has Y = 1"
+        }
+        (SensorResponse::Photometric, false) => "photometric, 683 lm/W",
+        (SensorResponse::Photometric, true) => "photometric irradiance in lx, 683 lm/W",
     }
+}
+
+/// Whether a sensor measures irradiance.
+#[must_use]
+pub fn is_detector(scene: &Scene, sensor: usize) -> bool {
+    matches!(scene.sensors[sensor].camera.kind, CameraKind::Detector(_))
 }
 
 /// Header of the parts, and of the images, of a render.
@@ -101,7 +113,10 @@ fn image_values(
         ("filter", filter_name(&scene.sensors[sensor].filter)),
         ("wavelengths", wavelengths_name(&scene.wavelength_settings)),
         ("observer", "CIE 1931 2 degree".to_owned()),
-        ("unit", unit_name(response).to_owned()),
+        (
+            "unit",
+            unit_name(response, is_detector(scene, sensor)).to_owned(),
+        ),
     ]
 }
 

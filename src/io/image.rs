@@ -91,11 +91,13 @@ pub fn spectral_of(render: &Render) -> Option<ExrImage> {
         }
     });
     let mut metadata = metadata(&header);
+    let units = if identity::is_detector(render.scene(), render.sensor()) {
+        "W.m^-2"
+    } else {
+        "W.m^-2.sr^-1"
+    };
     // readers know a spectral image by these two; per nanometer is understood
-    for (name, value) in [
-        ("spectralLayoutVersion", "1.0"),
-        ("emissiveUnits", "W.m^-2.sr^-1"),
-    ] {
+    for (name, value) in [("spectralLayoutVersion", "1.0"), ("emissiveUnits", units)] {
         let value = MetadataValue::Text(value.to_owned());
         metadata.entries.push((name.to_owned(), value));
     }

@@ -3,21 +3,25 @@
 
 pub mod atomic;
 pub mod convert;
+pub mod destination;
 pub mod exr;
 mod exr_header;
-mod files;
+pub(crate) mod files;
 pub mod glass;
 pub mod gltf;
 pub mod identity;
 pub mod image;
 pub mod image_file;
+pub mod jpeg;
 pub mod layers;
 pub mod lens;
 pub mod loaded;
+pub mod lock;
 pub mod model;
 pub mod model_file;
 pub mod mtl;
 pub mod obj;
+mod origin;
 pub mod part;
 pub mod ply;
 pub mod png;

@@ -17,13 +17,13 @@ use crate::scene::description::{
 use crate::spectrum::Emission;
 use crate::texture::Image;
 use glam::{DAffine3, DMat3, DVec3};
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Most pixels of an image: the sums of 2^28 pixels take 26 GB.
 pub const MAX_PIXELS: u64 = 1 << 28;
 /// Largest model file.
-pub const MAX_MODEL_BYTES: u64 = 4 << 30;
+pub const MAX_MODEL_BYTES: u64 = 2 << 30;
 
 /// How a camera of a model projects.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,6 +75,8 @@ pub struct Model {
     pub animated: bool,
     /// What was not understood or taken otherwise than the file may mean, one line each.
     pub notes: Vec<String>,
+    /// Files that were read beside its own.
+    pub files: Vec<PathBuf>,
     /// Hash of the files it was read from.
     pub hash: u64,
 }
@@ -90,15 +92,6 @@ pub struct Staging {
     pub animation: Option<String>,
     /// The time for which any shutter is open.
     pub shutter: Shutter,
-}
-
-/// The bytes of a file of bounded size.
-pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, String> {
-    let size = path.metadata().map_err(|e| e.to_string())?.len();
-    if size > MAX_MODEL_BYTES {
-        return Err(format!("{size} bytes (allowed: at most {MAX_MODEL_BYTES})"));
-    }
-    std::fs::read(path).map_err(|e| e.to_string())
 }
 
 impl Model {

@@ -4,6 +4,7 @@
 //! row, channels innermost), u64 checksum of everything before it. Integer sums: any order of merging gives the same bits.
 
 use super::atomic::{FileError, write_atomic};
+use super::files::read_regular;
 use super::identity;
 use crate::film::Crop;
 use crate::math::hash::hash_bytes;
@@ -100,6 +101,10 @@ impl PartHeader {
         }
         if self.passes.iter().any(|p| p.start >= p.end) {
             return Err("a range of passes is empty");
+        }
+        // passes are counted in 32 bits
+        if self.passes.iter().any(|p| p.end > u64::from(u32::MAX)) {
+            return Err("a pass is beyond 2^32 - 2");
         }
         let apart = |w: &[PassRange]| {
             w[0].seed < w[1].seed || w[0].seed == w[1].seed && w[0].end < w[1].start
@@ -230,15 +235,7 @@ pub fn write(path: &Path, part: &Part) -> Result<(), PartError> {
 /// The file cannot be read or is not a valid part.
 pub fn read(path: &Path) -> Result<Part, PartError> {
     let file_error = |e| PartError::from(FileError::new(path, e));
-    let size = std::fs::metadata(path).map_err(file_error)?.len();
-    if size > MAX_PART_BYTES {
-        let message = format!("{size} bytes, allowed: at most {MAX_PART_BYTES}");
-        return Err(PartError::Format {
-            path: path.to_owned(),
-            message,
-        });
-    }
-    let bytes = std::fs::read(path).map_err(file_error)?;
+    let bytes = read_regular(path, MAX_PART_BYTES).map_err(file_error)?;
     decode(&bytes).map_err(|message| PartError::Format {
         path: path.to_owned(),
         message,

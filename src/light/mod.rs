@@ -252,14 +252,9 @@ impl Light {
         )
     }
 
-    /// Emitted power weighted by visibility (any common unit): for choosing lights.
-    #[must_use]
-    pub fn power(&self, geometry: &AccelAt) -> f64 {
-        self.emission.visible_power() * self.flux_factor(geometry)
-    }
-
     /// Flux per unit emission that can reach the scene.
-    fn flux_factor(&self, geometry: &AccelAt) -> f64 {
+    #[must_use]
+    pub fn flux_factor(&self, geometry: &AccelAt) -> f64 {
         match &self.kind {
             LightKind::Area(light) => light.flux_factor(geometry),
             LightKind::Point(_) => PointLight::FLUX_FACTOR,

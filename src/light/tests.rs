@@ -1,5 +1,6 @@
 //! What every light must fulfil, whatever its kind, and closed forms of illumination.
 
+use super::spot::Falloff;
 use super::*;
 use crate::geometry::{Accel, AreaSampler, Instance, InstanceId, Shape};
 use crate::spectrum::{Curve, WavelengthDistribution};
@@ -32,7 +33,10 @@ fn spectrum_multiplies_every_value() {
         if let Some(unit) = light.connect(&context, x1, 0.2, u) {
             assert!((near.unwrap().value[1] / unit.value[1] - 3.0).abs() < 1e-6);
         }
-        assert!((scaled(2.0).power(&context) / light.power(&context) - 2.0).abs() < 1e-12);
+        let power = |light: &Light| {
+            light.emission.sampling_power([360.0, 830.0]) * light.flux_factor(&context)
+        };
+        assert!((power(&scaled(2.0)) / power(&light) - 2.0).abs() < 1e-12);
         let escaped = scaled(2.0).escaped_radiance(&context, DVec3::Z, &wavelengths)[0];
         let expected = if light.as_environment().is_some() {
             2.0
@@ -116,6 +120,7 @@ fn lights() -> Vec<Light> {
             SpotLight {
                 cone_rad: 0.7,
                 falloff_start_rad: 0.2,
+                falloff: Falloff::SmoothStep,
             },
         ),
         Light::directional(axis, unit_emission()),

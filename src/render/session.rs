@@ -194,6 +194,24 @@ impl Session {
         Ok(())
     }
 
+    /// First and last pass that neither the restored ones nor those to come hold, though they hold
+    /// passes before and after.
+    #[must_use]
+    pub fn gap(&self) -> Option<(u32, u32)> {
+        let last = *self.restored.last()?;
+        if self.passes.is_empty() {
+            return None;
+        }
+        let first = *self.restored.first()?;
+        // the first pass to come may be behind all restored ones, or the last before them
+        let (end, start) = if self.passes.start > last {
+            (last.checked_add(1)?, self.passes.start)
+        } else {
+            (self.passes.end, first)
+        };
+        (end < start).then(|| (end, start - 1))
+    }
+
     /// Number of passes that are left, if nothing ends the session before.
     #[must_use]
     pub fn passes_left(&self) -> u64 {
@@ -266,6 +284,11 @@ impl Session {
         let passes = render.passes().len() as u64;
         let forecast = self.history.forecast(passes, &error, per_pass, target);
         Some((target, forecast))
+    }
+
+    /// Changes how much time may be lost, see [`SessionOptions::save_interval`].
+    pub fn set_save_interval(&mut self, interval: Option<Duration>) {
+        self.save_interval = interval;
     }
 
     /// Wall time since the session began.

@@ -137,6 +137,7 @@ fn image(render: &Render) -> Xyz {
     Xyz {
         size: (crop.width(), crop.height()),
         values: render.xyz(),
+        of: [None, None],
     }
 }
 

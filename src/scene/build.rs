@@ -45,7 +45,10 @@ impl fmt::Display for Subject {
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum BuildError {
     /// Nothing emits.
-    #[error("the scene has no light that emits anything in the working range of wavelengths")]
+    #[error(
+        "the scene has no light that emits anything in the working range of wavelengths (needed: a \
+         [[light]], or an [[object]] with emission)"
+    )]
     NoLight,
     /// Rays disagree about the medium around a light or sensor.
     #[error(
@@ -113,7 +116,8 @@ impl Scene {
         let motions = builder.motions();
         let accel = Accel::build(std::mem::take(&mut builder.instances));
         let moments = Moments::new(&builder, &accel);
-        let powers = builder.powers(&accel, &moments)?;
+        let fluxes = builder.fluxes(&accel, &moments);
+        let powers = builder.powers(&fluxes, description.wavelengths.range_nm)?;
         let light_stacks = builder.light_stacks(&accel, &moments)?;
         builder.sensor_stacks(&accel, &moments)?;
 
@@ -130,7 +134,7 @@ impl Scene {
             .filter(|(_, light)| light.as_environment().is_some())
             .map(|(i, _)| LightId(i))
             .collect();
-        let wavelengths = distribution(&description.wavelengths, &lights, &powers);
+        let wavelengths = distribution(&description.wavelengths, &lights, &fluxes);
         let mut scene = Self {
             has_coverage: objects.iter().any(|o| o.has_alpha),
             selection: LightSelection::new(&powers),
@@ -331,13 +335,19 @@ impl Builder {
         next
     }
 
-    /// The mean power of each light over the moments.
-    fn powers(&self, accel: &Accel, moments: &Moments) -> Result<Vec<f64>, BuildError> {
-        let mean_power = |light: &Light| {
-            let powers = moments.all.iter().map(|&t| light.power(&accel.at(t)));
-            powers.sum::<f64>() / moments.all.len() as f64
+    /// The mean flux of each light per unit of its emission, over the moments.
+    fn fluxes(&self, accel: &Accel, moments: &Moments) -> Vec<f64> {
+        let mean_flux = |light: &Light| {
+            let fluxes = moments.all.iter().map(|&t| light.flux_factor(&accel.at(t)));
+            fluxes.sum::<f64>() / moments.all.len() as f64
         };
-        let powers: Vec<f64> = self.lights.iter().map(mean_power).collect();
+        self.lights.iter().map(mean_flux).collect()
+    }
+
+    /// The power of each light by which it is chosen, over the working range.
+    fn powers(&self, fluxes: &[f64], range_nm: [f64; 2]) -> Result<Vec<f64>, BuildError> {
+        let power = |(light, flux): (&Light, &f64)| flux * light.emission.sampling_power(range_nm);
+        let powers: Vec<f64> = self.lights.iter().zip(fluxes).map(power).collect();
         if !powers.iter().any(|&p| p > 0.0) {
             return Err(BuildError::NoLight);
         }
@@ -423,21 +433,15 @@ impl Samplers {
 fn distribution(
     settings: &WavelengthSettings,
     lights: &[Light],
-    powers: &[f64],
+    fluxes: &[f64],
 ) -> WavelengthDistribution {
     if let WavelengthChoice::Lines(lines) = &settings.choice {
         return WavelengthDistribution::lines(lines);
     }
-    // the weight of an emitter is its flux per unit of its spectrum
     let emitters: Vec<(Emission, f64)> = lights
         .iter()
-        .zip(powers)
-        .map(|(light, power)| {
-            let emission = light.emission.clone();
-            let visible = emission.visible_power();
-            let weight = if visible > 0.0 { power / visible } else { 0.0 };
-            (emission, weight)
-        })
+        .zip(fluxes)
+        .map(|(light, &flux)| (light.emission.clone(), flux))
         .collect();
     let scene = WavelengthDistribution::scene(&emitters, settings.range_nm);
     match &settings.choice {

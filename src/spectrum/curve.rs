@@ -167,6 +167,33 @@ impl Curve {
         }
     }
 
+    /// The wavelengths where a table bends, in no order.
+    #[must_use]
+    pub fn knots_nm(&self) -> Vec<f64> {
+        let mut out = Vec::new();
+        self.append_knots_nm(&mut out);
+        out
+    }
+
+    /// Ends of the table in nanometers, of the inner ones of a product; `None` where there is no table.
+    #[must_use]
+    pub fn table_range_nm(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::Regular {
+                first_nm,
+                step_nm,
+                values,
+            } => Some([*first_nm, first_nm + step_nm * (values.len() - 1) as f64]),
+            Self::Table { nm, .. } => Some([nm[0], nm[nm.len() - 1]]),
+            Self::Scaled { curve, .. } => curve.table_range_nm(),
+            Self::Product(a, b) => match (a.table_range_nm(), b.table_range_nm()) {
+                (Some(a), Some(b)) => Some([a[0].max(b[0]), a[1].min(b[1])]),
+                (one, other) => one.or(other),
+            },
+            Self::Constant(_) | Self::Blackbody { .. } | Self::Sigmoid { .. } => None,
+        }
+    }
+
     /// Smallest and largest value over 360..830 nm, looked up every nanometer and at the knots.
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {

@@ -14,6 +14,9 @@ pub const LINE_F_NM: f64 = 486.1327;
 /// Fraunhofer C line (H), nanometers.
 pub const LINE_C_NM: f64 = 656.2725;
 
+/// The largest refractive index that is taken for one.
+pub const MOST_INDEX: f64 = 10.0;
+
 /// Why a refractive index cannot be used.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum IorError {
@@ -33,8 +36,8 @@ pub enum IorError {
         /// What may be done about it.
         hint: &'static str,
     },
-    /// The index is not finite or too small.
-    #[error("{name} has the refractive index {n} at {lambda_nm} nm (at least {least} is needed)")]
+    /// The index is not finite, too small or too large.
+    #[error("{name} has the refractive index {n} at {lambda_nm} nm (allowed: {allowed})")]
     NotPhysical {
         /// The material.
         name: String,
@@ -42,8 +45,8 @@ pub enum IorError {
         lambda_nm: f64,
         /// The index there.
         n: f64,
-        /// The smallest allowed.
-        least: f64,
+        /// The indices allowed.
+        allowed: &'static str,
     },
     /// A formula that does not exist or has the wrong number of coefficients.
     #[error("{0}")]
@@ -258,31 +261,45 @@ impl Ior {
         (self.n(LINE_D_NM) - 1.0) / (self.n(LINE_F_NM) - self.n(LINE_C_NM))
     }
 
-    /// Checks a material that light is refracted into: n finite and >= 1 over `range_nm` (nanometers).
+    /// Checks a material that light is refracted into: n in 1..=10 over `range_nm` (nanometers).
     ///
     /// Returns the stretches of the range (none, one or two) that lie beyond the fitted range.
     ///
     /// # Errors
-    /// Where there is neither data nor an allowed extrapolation, or n is not finite or below 1.
+    /// Where there is neither data nor an allowed extrapolation, or n is not in 1..=10.
     pub fn validate(&self, range_nm: [f64; 2]) -> Result<Vec<[f64; 2]>, IorError> {
-        self.check(range_nm, 1.0)
+        self.check(range_nm, |n| (1.0..=MOST_INDEX).contains(&n), "1 to 10")
     }
 
-    /// Checks a material that only reflects: as [`Self::validate`], with any n > 0 (metals have n < 1).
+    /// Checks a material that only reflects: as [`Self::validate`], with any n in (0, 10] (metals have n < 1).
     ///
     /// # Errors
-    /// Where there is neither data nor an allowed extrapolation, or n is not finite or not positive.
+    /// Where there is neither data nor an allowed extrapolation, or n is not in (0, 10].
     pub fn validate_conductor(&self, range_nm: [f64; 2]) -> Result<Vec<[f64; 2]>, IorError> {
-        self.check(range_nm, f64::MIN_POSITIVE)
+        self.check(
+            range_nm,
+            |n| n > 0.0 && n <= MOST_INDEX,
+            "above 0, up to 10",
+        )
     }
 
-    fn check(&self, range_nm: [f64; 2], least: f64) -> Result<Vec<[f64; 2]>, IorError> {
+    fn check(
+        &self,
+        range_nm: [f64; 2],
+        physical: impl Fn(f64) -> bool,
+        allowed: &'static str,
+    ) -> Result<Vec<[f64; 2]>, IorError> {
         let [low, high] = range_nm;
         let [first, last] = self.range_nm.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
         let is_table = matches!(self.dispersion, Dispersion::Table(_));
         let steps = (high - low).ceil().max(1.0);
-        for i in 0..=steps as usize {
-            let lambda_nm = low + (high - low) * (i as f64 / steps);
+        let even = (0..=steps as usize).map(|i| low + (high - low) * (i as f64 / steps));
+        let knots = match &self.dispersion {
+            Dispersion::Table(curve) => curve.knots_nm(),
+            _ => Vec::new(),
+        };
+        let inside = |l: &f64| (low..=high).contains(l);
+        for lambda_nm in even.chain(knots.into_iter().filter(inside)) {
             let fitted = (first..=last).contains(&lambda_nm);
             let may_extrapolate =
                 (360.0..=830.0).contains(&lambda_nm) && (!is_table || self.extrapolate);
@@ -303,13 +320,13 @@ impl Ior {
                 });
             }
             let n = self.n(lambda_nm);
-            if !(n.is_finite() && n >= least) {
+            if !physical(n) {
                 let name = self.name.clone();
                 return Err(IorError::NotPhysical {
                     name,
                     lambda_nm,
                     n,
-                    least,
+                    allowed,
                 });
             }
         }

@@ -86,14 +86,15 @@ pub struct SpectralChannels {
 }
 
 impl SpectralChannels {
-    /// `bins` equal bins over `range_nm` (mean per nanometre in each) and a channel (power) for each of `lines_nm`.
+    /// `bins` equal bins over `range_nm` (mean per nanometre in each; none where the range is a single
+    /// wavelength) and a channel (power) for each of `lines_nm`.
     #[must_use]
     pub fn new(range_nm: [f64; 2], bins: usize, mut lines_nm: Vec<f64>) -> Self {
         lines_nm.sort_by(f64::total_cmp);
         lines_nm.dedup();
         Self {
             range_nm,
-            bins,
+            bins: if range_nm[0] < range_nm[1] { bins } else { 0 },
             lines_nm,
         }
     }

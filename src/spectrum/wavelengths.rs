@@ -6,6 +6,7 @@
 //! alone follows the distribution. Invariant: a continuous sample never has bitwise the wavelength of an atom.
 
 use super::emission::Line;
+use super::integral::{cells, integrate, over_cell};
 use super::{Curve, Emission, MAX_LANES, cie};
 
 /// The wavelengths of one path: lane 0 is the hero, the others are its rotations in primary space.
@@ -85,6 +86,8 @@ impl Piece {
 const UNIFORM_SHARE: f64 = 0.2;
 /// The least a line gets, as a share of its emitter.
 const LINE_FLOOR: f64 = 0.01;
+/// Ends of the observer, where it jumps to 0.
+const OBSERVER_NM: [f64; 2] = [cie::FIRST_NM, cie::LAST_NM];
 /// Buckets of the guide table that starts the search of the inverse.
 const GUIDE: usize = 1024;
 
@@ -122,7 +125,7 @@ impl WavelengthDistribution {
     #[must_use]
     pub fn scene(emitters: &[(Emission, f64)], range_nm: [f64; 2]) -> Self {
         let inside = |l: f64| (range_nm[0]..=range_nm[1]).contains(&l);
-        let mut knots = vec![cie::FIRST_NM, cie::LAST_NM];
+        let mut knots = OBSERVER_NM.to_vec();
         let mut lines: Vec<Line> = Vec::new();
         // Continuous parts with their factor, and whether they are seen (weighted by the observer).
         let mut continuous: Vec<(&Curve, f64, bool)> = Vec::new();
@@ -139,9 +142,10 @@ impl WavelengthDistribution {
             let power = |seen: bool| -> f64 {
                 let response = |l: f64| if seen { cie::cmf_sum(l) } else { 1.0 };
                 let smooth = emission.continuous.as_ref().map_or(0.0, |c| {
-                    cells(range_nm, &[])
-                        .map(|(a, b)| (b - a) * c.eval(0.5 * (a + b)) * response(0.5 * (a + b)))
-                        .sum()
+                    let mut knots = OBSERVER_NM.to_vec();
+                    c.append_knots_nm(&mut knots);
+                    let [power] = integrate(range_nm, &knots, |l| [c.eval(l) * response(l)]);
+                    power
                 });
                 smooth
                     + own
@@ -237,9 +241,8 @@ impl WavelengthDistribution {
         breaks.extend(lines.iter().map(|l| l.lambda_nm));
         let masses: Vec<(f64, f64, f64)> = cells(range_nm, &breaks)
             .map(|(a, b)| {
-                // Simpson's rule, with the ends taken inside the cell (bands may jump at a break).
-                let ends = density(a.next_up()) + density(b.next_down());
-                (a, b, (b - a) * (ends + 4.0 * density(0.5 * (a + b))) / 6.0)
+                let [mass] = over_cell((a, b), |l| [density(l)]);
+                (a, b, mass)
             })
             .collect();
         let total =
@@ -364,20 +367,6 @@ impl WavelengthDistribution {
     }
 }
 
-/// The range cut at every whole nanometer and at `breaks`: pairs of consecutive ends.
-fn cells(range_nm: [f64; 2], breaks: &[f64]) -> impl Iterator<Item = (f64, f64)> {
-    let [low, high] = range_nm;
-    let whole = (low.ceil() as i64..=high.floor() as i64).map(|l| l as f64);
-    let mut ends: Vec<f64> = whole
-        .chain(breaks.iter().copied())
-        .filter(|l| low < *l && *l < high)
-        .chain([low, high])
-        .collect();
-    ends.sort_by(f64::total_cmp);
-    ends.dedup();
-    (1..ends.len()).map(move |i| (ends[i - 1], ends[i]))
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::library::Library;
@@ -485,10 +474,15 @@ mod tests {
         assert_eq!(d.atoms().count(), 11);
         // Uniform floor everywhere, 80 % shared by power.
         assert!((360..830).all(|l| d.density(f64::from(l) + 0.3) >= 0.2 / 470.0 * (1.0 - 1e-12)));
-        let (d65, hg) = (
-            named("D65").visible_power(),
-            2.0 * named("Hg").visible_power(),
-        );
+        let seen = |emission: &Emission| {
+            let lines = emission.lines.iter();
+            let lines: f64 = lines.map(|l| l.value * cie::cmf_sum(l.lambda_nm)).sum();
+            let smooth = emission.continuous.as_ref().map_or(0.0, |c| {
+                integrate(RANGE, &c.knots_nm(), |l| [c.eval(l) * cie::cmf_sum(l)])[0]
+            });
+            emission.scale * (lines + smooth)
+        };
+        let (d65, hg) = (seen(&named("D65")), 2.0 * seen(&named("Hg")));
         let floored: f64 = hg
             + named("Hg")
                 .lines

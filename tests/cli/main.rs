@@ -1,6 +1,7 @@
 //! Runs the `abbe` program: exit codes, messages, files, interrupts, merging.
 
 mod measures;
+mod outputs;
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -221,7 +222,7 @@ fn failures_are_explained() {
     let cases = [
         (
             "render none.toml",
-            "error: none.toml: file \"none.toml\": No such file or directory",
+            "error: none.toml: there is no such file (paths are relative to the working directory)",
         ),
         (
             "render bad.toml",

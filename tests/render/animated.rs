@@ -77,7 +77,7 @@ fn arm() -> Builder {
         &[[1.0, 1.0, 1.0], [0.5, 1.0, 1.5]],
     );
     b.root.insert("cameras".into(), json!([{ "type": "perspective", "perspective": { "yfov": 0.7, "aspectRatio": 1, "znear": 0.1 } }]));
-    b.root.insert("extensions".into(), json!({ "KHR_lights_punctual": { "lights": [{ "type": "spot", "intensity": 683, "spot": { "outerConeAngle": 1.0 } }] } }));
+    b.root.insert("extensions".into(), json!({ "KHR_lights_punctual": { "lights": [{ "type": "spot", "intensity": 683, "spot": { "innerConeAngle": 1.0, "outerConeAngle": 1.0 } }] } }));
     b.root.insert("scenes".into(), json!([{ "nodes": [1, 2] }]));
     b
 }
@@ -116,7 +116,7 @@ motion = [
     {turning}, {lifted},
 ]
 [[light]]
-spot = {{ position = [1, 2, 3], direction = [0, 0, -1], outer_deg = 57.295779513082323, inner_deg = 1e-9, intensity = {{ rgb = [1, 1, 1], scale = {scale} }} }}
+spot = {{ position = [1, 2, 3], direction = [0, 0, -1], outer_deg = 57.295779513082323, inner_deg = 57.295779513082323, intensity = {{ rgb = [1, 1, 1], scale = {scale} }} }}
 motion = [{turning}, {lifted}]
 "#
     );

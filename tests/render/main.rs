@@ -9,6 +9,7 @@
 mod gltf;
 
 mod animated;
+mod cases;
 mod closed_forms;
 mod determinism;
 mod equality;

@@ -22,7 +22,7 @@ pub struct RenderOptions {
     #[arg(long, value_enum, value_name = "NAME")]
     pub integrator: Option<IntegratorKind>,
     /// Passes, one sample per pixel each
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "passes")]
+    #[arg(long, value_name = "N", value_parser = values::count, conflicts_with = "passes")]
     pub spp: Option<u32>,
     /// The passes A, A+1, ..., B-1
     #[arg(long, value_name = "A..B", value_parser = values::passes)]
@@ -91,10 +91,13 @@ pub struct RenderOptions {
     /// Continues with the passes that the file given by --part does not hold yet
     #[arg(long, requires = "part")]
     pub resume: bool,
+    /// Begins the file given by --part anew, even where it holds passes
+    #[arg(long, requires = "part", conflicts_with = "resume")]
+    pub overwrite: bool,
     /// Writes statistics as JSON, with the table of path classes and strategies
     #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
-    /// Refuses to start where films, meshes, textures and photons need more memory than SIZE, such as 500M or 2G
+    /// Refuses to start where films, meshes, textures and photons need more memory than SIZE, such as 500M or 2G; what the machine has otherwise
     #[arg(long, value_name = "SIZE", value_parser = values::size)]
     pub max_memory: Option<u64>,
     /// Prints nothing but errors
@@ -109,7 +112,7 @@ impl RenderOptions {
         let options = [
             ("integrator", self.integrator.map(|v| v.to_string())),
             ("spp", self.spp.map(|v| v.to_string())),
-            ("seed", self.seed.map(|v| v.to_string())),
+            ("seed", self.moment.seed(self.seed).map(|v| v.to_string())),
             ("lanes", self.lanes.clone()),
             ("heuristic", self.heuristic.map(|v| v.to_string())),
             ("regularize", self.regularize.map(|v| v.to_string())),

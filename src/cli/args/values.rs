@@ -82,6 +82,12 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a number above 0".to_owned())
 }
 
+/// A number of passes.
+pub(super) fn count(text: &str) -> Result<u32, String> {
+    let count = text.parse().ok().filter(|&n| n > 0);
+    count.ok_or_else(|| format!("expected a whole number from 1 to {}", u32::MAX))
+}
+
 /// A time in seconds, or with a unit.
 pub(super) fn seconds(text: &str) -> Result<f64, String> {
     let number = text.trim_end_matches(['s', 'm', 'h']);

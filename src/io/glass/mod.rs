@@ -69,20 +69,10 @@ pub fn decode_text(bytes: &[u8]) -> String {
 /// # Errors
 /// If it is larger or cannot be read.
 pub fn read_capped(path: &Path) -> Result<Vec<u8>, CatalogFileError> {
-    use std::io::Read;
-    let error = |message: String| CatalogFileError {
+    super::files::read_regular(path, MAX_FILE_BYTES).map_err(|e| CatalogFileError {
         path: path.to_owned(),
-        message,
-    };
-    let file = std::fs::File::open(path).map_err(|e| error(format!(" {e}")))?;
-    let mut bytes = Vec::new();
-    file.take(MAX_FILE_BYTES + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|e| error(format!(" {e}")))?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
-        return Err(error(format!(" larger than {MAX_FILE_BYTES} bytes")));
-    }
-    Ok(bytes)
+        message: format!(" {e}"),
+    })
 }
 
 /// The glasses of a catalog file, qualified with the name of the file without its extension: `mine.agf` holds `mine:NAME`,

@@ -13,7 +13,7 @@ use super::value::{At, Direction, FileName, Length, Name, Point, items};
 use crate::io::model::studio;
 use crate::light::Light;
 use crate::light::environment_image::EnvironmentImage;
-use crate::light::spot::SpotLight;
+use crate::light::spot::{Falloff, SpotLight};
 use crate::scene::description::LightDescription;
 use crate::spectrum::Emission;
 use glam::DVec3;
@@ -71,6 +71,7 @@ impl Build for SpotKeys {
         let cone = SpotLight {
             cone_rad: outer.to_radians(),
             falloff_start_rad: inner.to_radians(),
+            falloff: Falloff::SmoothStep,
         };
         let (position, direction) = (self.position.0, self.direction.0);
         Some(Light::spot(position, direction, self.intensity.0, cone))
@@ -129,8 +130,8 @@ keys! {
     EnvironmentKeys = "environment" {
         /// Radiance as it arrives at the scene, the same from everywhere, or factor on the image.
         radiance: Option<Emitted>, unit "W/(m² sr nm)", or "with `image`: white of Y = 1";
-        /// OpenEXR, PNG or JPEG file of linear sRGB around the scene, row 0 up (+y), its middle
-        /// towards -z, or `"builtin:studio"`, a gray room with lamps.
+        /// OpenEXR, Radiance HDR, PNG or JPEG file of linear sRGB around the scene, row 0 up (+y),
+        /// its middle towards -z, or `"builtin:studio"`, a gray room with lamps.
         image: Option<At<FileName>>, or "none";
         /// With `image`: turns it about x, then y, then z.
         euler_deg: Option<[f64; 3]>, unit "degrees", or "[0, 0, 0]";

@@ -305,7 +305,7 @@ impl Build for NormalKeys {
             texture: self.texture.texture?,
             scale: self.scale,
         };
-        Some((map, self.texture.at))
+        Some((map, self.texture.file.at))
     }
 }
 

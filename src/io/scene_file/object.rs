@@ -111,6 +111,14 @@ impl Value for MediumUse {
 
     fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
         let MediumName(name) = MediumName::read(node, spec, cx)?;
+        if !cx.media.contains_key(&name) && cx.library.ior(&name).is_ok() {
+            let message = format!(
+                "\"{name}\" is a glass, not a medium (write [medium.NAME] with glass = \"{name}\", \
+                 and NAME here)"
+            );
+            cx.conflict(&node.span(), message);
+            return Some(Self(MediumId::AMBIENT));
+        }
         let found = cx.defined("medium", &name, &node.span(), |cx| &cx.media);
         Some(Self(found.unwrap_or(MediumId::AMBIENT)))
     }
@@ -181,7 +189,9 @@ impl ObjectKeys {
     fn shape(&mut self, cx: &Reader<'_>) -> Option<Placed> {
         if let Some(mesh) = self.mesh.take() {
             // the vertices are in the file's unit
-            return Some((mesh.0?, DAffine3::from_scale(DVec3::splat(cx.unit_m))));
+            let (shape, local) = mesh.0?;
+            let to_meters = DAffine3::from_scale(DVec3::splat(cx.unit_m));
+            return Some((shape, to_meters * local));
         }
         first_given([
             self.sphere.take().map(|g| g.0),

@@ -82,9 +82,8 @@ pub fn read(
     let mut cx = Reader::new(source, folder);
     let table = Table::new(document, 0..0, SceneKeys::NAMES, &mut cx);
     let keys = SceneKeys::from_table(&table, &mut cx);
-    let mut notes = Vec::new();
-    let models = Models::load(&mut cx, &mut notes);
-    let scene = keys.and_then(|keys| keys.scene(models, scene_hash(document), notes, &mut cx));
+    let models = Models::load(&mut cx);
+    let scene = keys.and_then(|keys| keys.scene(models, scene_hash(document), &mut cx));
     match (scene, cx.into_errors()) {
         (Some(scene), None) => Ok(scene),
         (_, Some(errors)) => Err(errors),
@@ -93,13 +92,7 @@ pub fn read(
 }
 
 impl SceneKeys {
-    fn scene(
-        self,
-        models: Loaded,
-        hash_of_text: u64,
-        mut notes: Vec<String>,
-        cx: &mut Reader<'_>,
-    ) -> Option<LoadedScene> {
+    fn scene(self, models: Loaded, hash_of_text: u64, cx: &mut Reader<'_>) -> Option<LoadedScene> {
         // what others refer to by name has been left with the reader
         let Self {
             unit: Unit,
@@ -153,15 +146,16 @@ impl SceneKeys {
             ambient: MediumId::AMBIENT,
             hash: file_hashes.fold(hash_of_text, |hash, &file| combine(hash, file)),
         };
-        models.add_to(&mut description, rendering.units, cx, &mut notes);
+        models.add_to(&mut description, rendering.units, cx);
         let mut warnings = std::mem::take(&mut cx.warnings);
-        warnings.extend(notes);
+        warnings.append(&mut cx.notes);
         Some(LoadedScene {
             description,
             settings: rendering.settings,
             units: rendering.units,
             warnings,
             places,
+            files: cx.files(),
         })
     }
 }

@@ -1,21 +1,26 @@
-//! Wavefront OBJ files, read with tobj.
+//! Wavefront OBJ files.
 //!
-//! All objects and groups of a file are one mesh. Polygons become triangle fans; points, lines and materials are ignored. Missing normals stay missing (flat shading). Whatever the bytes,
-//! the result is valid meshes or an error.
+//! For [`load`] all objects and groups of a file are one mesh; `io::mtl` makes a mesh for each material. Polygons become
+//! triangle fans; points and lines are ignored. Missing normals stay missing (flat shading). Whatever the bytes, the result
+//! is valid meshes or an error that names the file and the line.
 
+mod arrays;
+pub mod parse;
+pub mod text;
+
+use super::origin::{Placed, placed};
 use crate::geometry::deforming::{self, DeformingError, KeyFrame};
 use crate::geometry::{Mesh, MeshError, Shape, Shutter};
-use std::io::{BufRead, BufReader, Read};
-
-/// Faces handed to tobj at a time: it keeps a hundred bytes for each until their group ends.
-const GROUP_FACES: usize = 1 << 15;
+pub use arrays::{Arrays, arrays};
+use glam::DVec3;
+use parse::AtLine;
 
 /// Why an OBJ file was not read, without its name.
 #[derive(Debug, thiserror::Error)]
 pub enum ObjError {
     /// A line is not OBJ.
-    #[error("not a valid OBJ file: {0}")]
-    Syntax(tobj::LoadError),
+    #[error(transparent)]
+    Syntax(#[from] AtLine),
     /// The triangles are no valid mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
@@ -24,12 +29,34 @@ pub enum ObjError {
     Empty,
 }
 
+/// A mesh of a file.
+#[derive(Debug)]
+pub struct Loaded {
+    /// Triangles, about `origin`.
+    pub mesh: Mesh,
+    /// Zero of the mesh in the coordinates of the file.
+    pub origin: DVec3,
+    /// What was not understood, one line each.
+    pub notes: Vec<String>,
+}
+
 /// Reads the bytes of a file; [`Mesh::dropped`] tells how many of its triangles had no area.
 ///
 /// # Errors
 /// [`ObjError`] if they are malformed or have no face of nonzero area.
-pub fn read(bytes: &[u8]) -> Result<Mesh, ObjError> {
-    read_arrays(bytes)?.mesh()
+pub fn read(bytes: &[u8]) -> Result<Loaded, ObjError> {
+    let (arrays, mut notes) = read_arrays(bytes)?;
+    let Placed {
+        origin,
+        positions,
+        note,
+    } = placed(&arrays.positions, &arrays.triangles);
+    notes.extend(note);
+    Ok(Loaded {
+        mesh: Mesh::new(&positions, arrays.normals, arrays.uvs, arrays.triangles)?,
+        origin,
+        notes,
+    })
 }
 
 /// Parses arbitrary bytes and drops the result: the entry point for fuzzing. Never panics.
@@ -37,49 +64,30 @@ pub fn fuzz_obj(bytes: &[u8]) {
     drop(read(bytes));
 }
 
-/// Reads the vertices and faces of the bytes of a file.
+/// Reads the vertices and faces of the bytes of a file, and what was not understood.
 ///
 /// # Errors
 /// [`ObjError`] if they are malformed or have no face.
-pub fn read_arrays(mut bytes: &[u8]) -> Result<Arrays, ObjError> {
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        single_index: true,
-        ignore_points: true,
-        ignore_lines: true,
-    };
-    let no_materials = |_: &std::path::Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, _) = tobj::load_obj_buf(
-        &mut BufReader::new(Grouped::new(&mut bytes)),
-        &options,
-        no_materials,
-    )
-    .map_err(ObjError::Syntax)?;
-    let mut all = Arrays {
-        normals: Some(Vec::new()),
-        uvs: Some(Vec::new()),
-        ..Arrays::default()
-    };
-    // at once, so that no outgrown piece is left in the middle of what is freed below
-    let total = |of: fn(&tobj::Mesh) -> usize| models.iter().map(|m| of(&m.mesh)).sum::<usize>();
-    all.positions
-        .reserve_exact(total(|m| m.positions.len() / 3));
-    all.triangles.reserve_exact(total(|m| m.indices.len() / 3));
-    for model in models {
-        all.append(&model.mesh);
-    }
-    if all.triangles.is_empty() {
+pub fn read_arrays(bytes: &[u8]) -> Result<(Arrays, Vec<String>), ObjError> {
+    let parsed = parse::parse(bytes)?;
+    let (arrays, note) = arrays(&parsed, parsed.groups.iter());
+    if arrays.triangles.is_empty() {
         return Err(ObjError::Empty);
     }
-    Ok(all)
+    let mut notes = parsed.notes;
+    notes.extend(note);
+    Ok((arrays, notes))
 }
 
 /// The mesh of several files, one per moment (seconds, ascending), over `shutter`. All have the same faces in the same order;
-/// texture coordinates are those of the first.
+/// texture coordinates are those of the first. Beside it, where its zero is in the coordinates of the files.
 ///
 /// # Errors
 /// [`FramesError`] if the faces differ, or a frame is no mesh.
-pub fn deforming(mut frames: Vec<(f64, Arrays)>, shutter: Shutter) -> Result<Shape, FramesError> {
+pub fn deforming(
+    mut frames: Vec<(f64, Arrays)>,
+    shutter: Shutter,
+) -> Result<(Shape, DVec3), FramesError> {
     let Some((_, first)) = frames.first() else {
         return Err(FramesError::Mesh(DeformingError::NotAscending));
     };
@@ -105,15 +113,17 @@ pub fn deforming(mut frames: Vec<(f64, Arrays)>, shutter: Shutter) -> Result<Sha
         frames[0].1.uvs.take(),
         std::mem::take(&mut frames[0].1.triangles),
     );
+    let origin = placed(&frames[0].1.positions, &triangles).origin;
     let frames: Vec<_> = frames
         .into_iter()
         .map(|(time_s, arrays)| KeyFrame {
             time_s,
-            positions: arrays.positions,
+            positions: arrays.about(origin),
             normals: arrays.normals,
         })
         .collect();
-    deforming::shape(&frames, uvs, triangles, shutter).map_err(FramesError::Mesh)
+    let shape = deforming::shape(&frames, uvs, triangles, shutter).map_err(FramesError::Mesh)?;
+    Ok((shape, origin))
 }
 
 /// Why files are not the frames of one mesh.
@@ -148,117 +158,12 @@ impl FramesError {
     }
 }
 
-/// OBJ text with a group started every [`GROUP_FACES`] faces.
-struct Grouped<R> {
-    reader: R,
-    line: Vec<u8>,
-    /// How much of the line was handed out.
-    at: usize,
-    faces: usize,
-}
-
-impl<R> Grouped<R> {
-    fn new(reader: R) -> Self {
-        let line = Vec::new();
-        Self {
-            reader,
-            line,
-            at: 0,
-            faces: 0,
-        }
-    }
-}
-
-impl<R: BufRead> Read for Grouped<R> {
-    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
-        if self.at == self.line.len() {
-            self.line.clear();
-            self.at = 0;
-            self.reader.read_until(b'\n', &mut self.line)?;
-            self.faces += usize::from(self.line.starts_with(b"f"));
-            if self.faces == GROUP_FACES && self.line.ends_with(b"\n") {
-                self.line.extend(b"g\n");
-                self.faces = 0;
-            }
-        }
-        let read = (&self.line[self.at..]).read(out)?;
-        self.at += read;
-        Ok(read)
-    }
-}
-
-/// The vertices and faces of a file: all its objects.
-#[derive(Debug, Default)]
-pub struct Arrays {
-    positions: Vec<[f32; 3]>,
-    /// `None` once an object has vertices without one: attributes of some faces only are no attributes of the mesh.
-    normals: Option<Vec<[f32; 3]>>,
-    uvs: Option<Vec<[f32; 2]>>,
-    triangles: Vec<[u32; 3]>,
-}
-
-impl Arrays {
-    /// The mesh of these.
-    fn mesh(self) -> Result<Mesh, ObjError> {
-        let mesh = Mesh::new(&self.positions, self.normals, self.uvs, self.triangles)?;
-        Ok(mesh)
-    }
-
-    /// Gives every corner of every triangle a vertex of its own.
-    fn unroll(&mut self) {
-        let corners = self.triangles.as_flattened();
-        let each = |v: &u32| *v as usize;
-        if corners.iter().any(|v| each(v) >= self.positions.len()) {
-            // refused as a mesh later
-            return;
-        }
-        self.positions = corners.iter().map(|v| self.positions[each(v)]).collect();
-        if let Some(normals) = &mut self.normals {
-            *normals = corners.iter().map(|v| normals[each(v)]).collect();
-        }
-        if let Some(uvs) = &mut self.uvs {
-            *uvs = corners.iter().map(|v| uvs[each(v)]).collect();
-        }
-        self.triangles = (0..self.triangles.len() as u32)
-            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
-            .collect();
-    }
-
-    fn append(&mut self, mesh: &tobj::Mesh) {
-        if mesh.indices.is_empty() {
-            return;
-        }
-        let first = self.positions.len() as u32;
-        let positions = groups(&mesh.positions);
-        extend(&mut self.normals, groups(&mesh.normals), positions.len());
-        extend(&mut self.uvs, groups(&mesh.texcoords), positions.len());
-        self.positions.extend(positions);
-        self.triangles.extend(
-            groups::<u32, 3>(&mesh.indices)
-                .iter()
-                .map(|t| t.map(|v| v.wrapping_add(first))),
-        );
-    }
-}
-
-fn extend<T>(all: &mut Option<Vec<T>>, more: Vec<T>, expected: usize) {
-    match all {
-        Some(values) if more.len() == expected => values.extend(more),
-        _ => *all = None,
-    }
-}
-
-/// Splits a flat array; an incomplete last group is dropped.
-fn groups<T: Copy, const N: usize>(flat: &[T]) -> Vec<[T; N]> {
-    flat.as_chunks::<N>().0.to_vec()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<Mesh, ObjError> {
-        super::read(text.as_bytes())
+        super::read(text.as_bytes()).map(|loaded| loaded.mesh)
     }
 
     const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
@@ -275,19 +180,6 @@ mod tests {
         let mesh = read(&format!("{SQUARE}o a\nf 1 2 3\no b\nf 1 3 4\n")).expect("valid");
         assert_eq!(mesh.triangle_count(), 2);
         assert!((mesh.area() - 1.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn the_groups_handed_to_tobj_are_one_mesh() {
-        let faces = 2 * GROUP_FACES + 7;
-        let normals = "vn 0 0 1\n";
-        let text = format!(
-            "{SQUARE}{normals}{}f -4//1 -2//1 -1//1",
-            "f 1//1 2//1 3//1\n".repeat(faces - 1)
-        );
-        let mesh = read(&text).expect("valid");
-        assert_eq!((mesh.triangle_count(), mesh.dropped()), (faces, 0));
-        assert!((mesh.area() - faces as f64 / 2.0).abs() < 1e-6);
     }
 
     #[test]
@@ -336,7 +228,7 @@ mod tests {
     }
 
     fn arrays(text: &str) -> Arrays {
-        read_arrays(text.as_bytes()).expect("valid")
+        read_arrays(text.as_bytes()).expect("valid").0
     }
 
     #[test]
@@ -349,7 +241,7 @@ mod tests {
             "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\nf 1//1 3//1 4//1\n";
         let split = "v 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 0\nvn 0 0 1\nvn 0 1 1\nf 1//1 2//1 3//1\nf 1//2 3//2 4//2\n";
         let frames = vec![(0.0, arrays(shared)), (1.0, arrays(split))];
-        match deforming(frames, shutter).expect("same faces") {
+        match deforming(frames, shutter).expect("same faces").0 {
             Shape::Deforming(mesh) => {
                 assert_eq!(mesh.triangle_count(), 2);
                 // the mesh orders its triangles anew
