@@ -33,7 +33,7 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
         )));
     }
     let image = image::of_part(&merged)?;
-    write_image(
+    let preview = write_image(
         &options.output,
         &image,
         preview.as_deref(),
@@ -49,6 +49,9 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
             options.output.display(),
             options.parts.len()
         ));
+        if let Some(text) = preview {
+            print(&format!("  preview   {text}\n"));
+        }
     }
     Ok(Outcome::Done)
 }

@@ -340,7 +340,7 @@ impl Job<'_> {
         })?;
         progress.clear();
         let render = session.render();
-        self.save(&render, &guides, targets)?;
+        let preview = self.save(&render, &guides, targets)?;
         let mut stats = SensorStats::new(
             &loaded.scene.sensors[sensor].name,
             &render,
@@ -350,11 +350,7 @@ impl Job<'_> {
         );
         stats.forecast = session.forecast(options.target_error);
         if !options.quiet {
-            let exposure = targets
-                .preview
-                .as_deref()
-                .map(|path| (path, options.exposure));
-            print(&summary::sensor(&targets.image, exposure, &stats));
+            print(&summary::sensor(&targets.image, preview.as_deref(), &stats));
         }
         Ok(stats)
     }
@@ -367,25 +363,31 @@ impl Job<'_> {
         }
     }
 
-    fn save(&self, render: &Render, guides: &[Guide], targets: &Targets) -> Result<(), CliError> {
+    /// Writes everything; says of the preview what a user should know.
+    fn save(
+        &self,
+        render: &Render,
+        guides: &[Guide],
+        targets: &Targets,
+    ) -> Result<Option<String>, CliError> {
         if render.passes().is_empty() {
             return Err(CliError::Failed("there is no pass to render".to_owned()));
         }
         let mut image = image::of(render);
         layers::add(&mut image, &self.options.aov, render, guides);
-        write_image(
+        let preview = write_image(
             &targets.image,
             &image,
             targets.preview.as_deref(),
             self.options.exposure,
         )?;
         if let (Some(path), Some(image)) = (&targets.spectral, image::spectral_of(render)) {
-            write_image(path, &image, None, 0.0)?;
+            write_image(path, &image, None, None)?;
         }
         if let Some(path) = &self.options.part {
             part::write(path, &part::of(render))?;
         }
-        Ok(())
+        Ok(preview)
     }
 }
 

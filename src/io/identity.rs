@@ -82,6 +82,11 @@ pub fn header(render: &Render) -> PartHeader {
     }
 }
 
+/// Attribute that tells images of cameras from those of detectors.
+pub const SENSOR_KIND: &str = "sensorKind";
+/// Its value for a detector.
+pub const DETECTOR: &str = "detector";
+
 /// Attributes of every image: how it was made.
 fn image_values(
     scene: &Scene,
@@ -92,6 +97,10 @@ fn image_values(
     let max_depth = settings
         .max_depth
         .map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
+    let kind = match scene.sensors[sensor].camera.as_detector() {
+        Some(_) => DETECTOR,
+        None => "camera",
+    };
     vec![
         ("integrator", settings.integrator.to_string()),
         ("heuristic", settings.heuristic.to_string()),
@@ -101,6 +110,7 @@ fn image_values(
         ("filter", filter_name(&scene.sensors[sensor].filter)),
         ("wavelengths", wavelengths_name(&scene.wavelength_settings)),
         ("observer", "CIE 1931 2 degree".to_owned()),
+        (SENSOR_KIND, kind.to_owned()),
         ("unit", unit_name(response).to_owned()),
     ]
 }
