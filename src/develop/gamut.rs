@@ -19,6 +19,8 @@ const REACH: [usize; 2] = [8, 3];
 /// Chroma that no color of a display has, and the steps up to it.
 const MOST_CHROMA: f64 = 0.45;
 const CHROMA_STEPS: u32 = 512;
+/// Bisections for the edge: to 1e-7 of the color's chroma.
+const EDGE_STEPS: u32 = 23;
 /// How fast chroma falls to the hull, per distance between hull and edge.
 const FALL: f64 = 4.0;
 
@@ -36,49 +38,48 @@ pub fn into_gamut(xyz: [f64; 3], display: Display) -> [f64; 3] {
     let [lightness, a, b] = xyz_to_oklab(xyz);
     let lightness = lightness.clamp(0.0, 1.0);
     let chroma = a.hypot(b);
-    let [edge, hull] = Gamut::of(display).chromas(lightness, b.atan2(a));
-    let beyond = ((chroma - edge) / (edge - hull).max(1e-9)).max(0.0);
-    let shown = (hull + (edge - hull) * (-FALL * beyond).exp()).min(chroma);
-    let share = if chroma > 0.0 { shown / chroma } else { 0.0 };
-    let mapped = display.linear(oklab_to_xyz([lightness, a * share, b * share]));
-    mapped.map(|v| v.clamp(0.0, 1.0))
-}
-
-/// The largest chroma by lightness and hue.
-struct Gamut {
-    edge: Table,
-    hull: Table,
-}
-
-impl Gamut {
-    fn of(display: Display) -> &'static Self {
-        static SRGB: LazyLock<Gamut> = LazyLock::new(|| Gamut::new(Display::Srgb));
-        static P3: LazyLock<Gamut> = LazyLock::new(|| Gamut::new(Display::P3));
-        match display {
-            Display::Srgb => &SRGB,
-            Display::P3 => &P3,
+    let at = |share: f64| display.linear(oklab_to_xyz([lightness, a * share, b * share]));
+    // shares of the color's own chroma
+    let hull = hull(display).at(lightness, b.atan2(a)) / chroma.max(1e-9);
+    if hull >= 1.0 {
+        return at(1.0).map(|v| v.clamp(0.0, 1.0));
+    }
+    let (mut edge, mut outside) = (hull, 1.0);
+    for _ in 0..EDGE_STEPS {
+        let middle = 0.5 * (edge + outside);
+        if fits(at(middle)) {
+            edge = middle;
+        } else {
+            outside = middle;
         }
     }
+    let beyond = (1.0 - edge) / (edge - hull).max(1e-9);
+    let shown = hull + (edge - hull) * (-FALL * beyond).exp();
+    at(shown).map(|v| v.clamp(0.0, 1.0))
+}
 
-    fn new(display: Display) -> Self {
-        let edge = Table::of(|lightness, hue| {
-            let (b, a) = hue.sin_cos();
-            let chroma = |step: u32| MOST_CHROMA * f64::from(step) / f64::from(CHROMA_STEPS);
-            // the first way out: the gamut is not convex at every hue
-            let out = (1..=CHROMA_STEPS).find(|&step| {
-                let c = chroma(step);
-                !fits(display.linear(oklab_to_xyz([lightness, a * c, b * c])))
-            });
-            chroma(out.map_or(CHROMA_STEPS, |step| step - 1))
+/// Chroma of the smooth hull.
+fn hull(display: Display) -> &'static Table {
+    static SRGB: LazyLock<Table> = LazyLock::new(|| edge(Display::Srgb).hull());
+    static P3: LazyLock<Table> = LazyLock::new(|| edge(Display::P3).hull());
+    match display {
+        Display::Srgb => &SRGB,
+        Display::P3 => &P3,
+    }
+}
+
+/// The largest chroma that a display can show.
+fn edge(display: Display) -> Table {
+    Table::of(|lightness, hue| {
+        let (b, a) = hue.sin_cos();
+        let chroma = |step: u32| MOST_CHROMA * f64::from(step) / f64::from(CHROMA_STEPS);
+        // the first way out: the gamut is not convex at every hue
+        let out = (1..=CHROMA_STEPS).find(|&step| {
+            let c = chroma(step);
+            !fits(display.linear(oklab_to_xyz([lightness, a * c, b * c])))
         });
-        let hull = edge.hull();
-        Self { edge, hull }
-    }
-
-    /// Chroma of edge and hull.
-    fn chromas(&self, lightness: f64, hue: f64) -> [f64; 2] {
-        [&self.edge, &self.hull].map(|table| table.at(lightness, hue))
-    }
+        chroma(out.map_or(CHROMA_STEPS, |step| step - 1))
+    })
 }
 
 /// Values by lightness (rows) and hue (columns).
