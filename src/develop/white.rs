@@ -19,10 +19,10 @@ pub enum White {
 impl White {
     /// The adaptation for a picture.
     #[must_use]
-    pub fn adaptation(self, xyz: &[[f64; 3]]) -> Adaptation {
+    pub fn adaptation(self, xyz: impl Iterator<Item = [f64; 3]>) -> Adaptation {
         let white = match self {
             Self::Unadapted => return Adaptation(DMat3::IDENTITY),
-            Self::Scene => xyz.iter().map(|&p| DVec3::from_array(p)).sum(),
+            Self::Scene => xyz.map(DVec3::from_array).sum(),
             Self::Color(white) => DVec3::from_array(white),
         };
         Adaptation::new(white / white.y).unwrap_or(Adaptation(DMat3::IDENTITY))
@@ -63,20 +63,24 @@ mod tests {
     fn white_becomes_white() {
         let a = [1.0985, 1.0, 0.3558];
         for white in [White::Color(a), White::Color(a.map(|v| 7.0 * v))] {
-            let shown = white.adaptation(&[]).apply(a);
+            let shown = white.adaptation(std::iter::empty()).apply(a);
             for (x, w) in shown.iter().zip(DISPLAY_WHITE) {
                 assert!((x - w).abs() < 1e-12, "{shown:?}");
             }
         }
         let picture = [[1.0, 0.5, 0.2], [0.2, 0.5, 1.0]];
-        let shown = White::Scene.adaptation(&picture).apply([1.2, 1.0, 1.2]);
+        let shown = White::Scene
+            .adaptation(picture.into_iter())
+            .apply([1.2, 1.0, 1.2]);
         assert!((shown[0] - DISPLAY_WHITE[0]).abs() < 1e-12, "{shown:?}");
     }
 
     #[test]
     fn a_black_picture_has_no_white() {
         assert_eq!(
-            White::Scene.adaptation(&[[0.0; 3]]).apply([1.0; 3]),
+            White::Scene
+                .adaptation([[0.0; 3]].into_iter())
+                .apply([1.0; 3]),
             [1.0; 3]
         );
     }

@@ -27,8 +27,8 @@ pub fn picture_bytes(
     depth: Depth,
 ) -> io::Result<Vec<u8>> {
     let (bits, data) = match depth {
-        Depth::Eight => (png::BitDepth::Eight, picture.bytes()),
-        Depth::Sixteen => (png::BitDepth::Sixteen, picture.words()),
+        Depth::Eight => (png::BitDepth::Eight, picture.bytes_8()),
+        Depth::Sixteen => (png::BitDepth::Sixteen, picture.bytes_16()),
     };
     encode((width, height), bits, display, &data)
 }
@@ -106,8 +106,8 @@ mod tests {
             let mut pixels = vec![0; reader.output_buffer_size().expect("small")];
             reader.next_frame(&mut pixels).expect("valid");
             let expected = match depth {
-                Depth::Eight => picture.bytes(),
-                Depth::Sixteen => picture.words(),
+                Depth::Eight => picture.bytes_8(),
+                Depth::Sixteen => picture.bytes_16(),
             };
             assert_eq!(pixels, expected);
             assert!(
