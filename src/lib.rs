@@ -56,6 +56,7 @@ pub mod math;
 
 pub mod spectrum;
 
+pub mod develop;
 pub mod optics;
 
 pub mod geometry;

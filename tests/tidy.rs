@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 const FLOORS: [&[&str]; 12] = [
     &["math"],
     &["spectrum"],
-    &["optics"],
+    &["develop", "optics"],
     &["geometry", "texture"],
     &[
         "bsdf", "camera", "film", "light", "material", "medium", "sampler",

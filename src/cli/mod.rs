@@ -7,6 +7,7 @@ mod banding;
 mod compare;
 mod convert;
 mod cost;
+mod develop;
 mod error;
 mod glass;
 mod image_output;
@@ -57,6 +58,7 @@ pub fn run() -> ExitCode {
         Command::Info(options) => info::run(&options),
         Command::Cost(options) => cost::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Develop(options) => develop::run(&options),
         Command::Glass(options) => glass::run(&options),
         Command::Keys(options) => Ok(keys::run(&options)),
         Command::Lens(options) => lens::run(&options),

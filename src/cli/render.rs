@@ -311,7 +311,7 @@ impl Job<'_> {
         };
         progress.clear();
         let render = session.render();
-        saver.finish(&render)?;
+        let preview = saver.finish(&render)?;
         if (render.passes().len() as u64) < PASSES_TO_SEE {
             self.warn_of_black(&render);
         }
@@ -324,11 +324,7 @@ impl Job<'_> {
         );
         stats.forecast = session.forecast(options.target_error);
         if !options.quiet {
-            let exposure = targets
-                .preview
-                .as_deref()
-                .map(|path| (path, options.exposure));
-            print(&summary::sensor(&targets.image, exposure, &stats));
+            print(&summary::sensor(&targets.image, preview.as_deref(), &stats));
         }
         Ok(stats)
     }

@@ -73,9 +73,9 @@ pub fn merging(radius: &RadiusChoice, memory: &PhotonMemory) -> String {
     )
 }
 
-/// The closing summary of one sensor; `preview` is its file and exposure.
+/// The closing summary of one sensor; `preview` is what is to be said of it.
 #[must_use]
-pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) -> String {
+pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats) -> String {
     let [width, height] = stats.size;
     let mut text = format!(
         "{}: {width} x {height} pixels, {} passes, {}\n",
@@ -83,12 +83,8 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
         stats.passes.len(),
         stats.stop.text()
     );
-    if let Some((path, exposure_ev)) = preview {
-        _ = writeln!(
-            text,
-            "  preview   {}, exposure {exposure_ev:+} EV",
-            path.display()
-        );
+    if let Some(preview) = preview {
+        _ = writeln!(text, "  preview   {preview}");
     }
     let wall = stats.wall.as_secs_f64();
     let cpu = stats

@@ -88,9 +88,24 @@ impl ExrImage {
     /// The interleaved values of X, Y and Z, if all are there.
     #[must_use]
     pub fn xyz(&self) -> Option<Vec<f64>> {
+        self.interleaved(XYZ.map(|name| self.channel(name)))
+    }
+
+    /// The interleaved X, Y and Z of a layer; of one with a single channel three times its values.
+    #[must_use]
+    pub fn layer_xyz(&self, layer: &str) -> Option<Vec<f64>> {
+        let channels = XYZ.map(|name| self.channel(&format!("{layer}.{name}")));
+        let single = channels.iter().flatten().next().copied();
+        match channels.iter().flatten().count() {
+            1 => self.interleaved([single; 3]),
+            _ => self.interleaved(channels),
+        }
+    }
+
+    fn interleaved(&self, channels: [Option<&[f32]>; 3]) -> Option<Vec<f64>> {
         let mut xyz = vec![0.0; 3 * self.crop.pixels() as usize];
-        for (c, name) in XYZ.into_iter().enumerate() {
-            for (pixel, value) in self.channel(name)?.iter().enumerate() {
+        for (c, channel) in channels.into_iter().enumerate() {
+            for (pixel, value) in channel?.iter().enumerate() {
                 xyz[3 * pixel + c] = f64::from(*value);
             }
         }

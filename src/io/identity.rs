@@ -94,6 +94,11 @@ pub fn header(render: &Render) -> PartHeader {
     }
 }
 
+/// Attribute that tells images of cameras from those of detectors.
+pub const SENSOR_KIND: &str = "sensorKind";
+/// Its value for a detector.
+pub const DETECTOR: &str = "detector";
+
 /// Attributes of every image: how it was made.
 fn image_values(
     scene: &Scene,
@@ -104,6 +109,11 @@ fn image_values(
     let max_depth = settings
         .max_depth
         .map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
+    let kind = if is_detector(scene, sensor) {
+        DETECTOR
+    } else {
+        "camera"
+    };
     vec![
         ("integrator", settings.integrator.to_string()),
         ("heuristic", settings.heuristic.to_string()),
@@ -113,6 +123,7 @@ fn image_values(
         ("filter", filter_name(&scene.sensors[sensor].filter)),
         ("wavelengths", wavelengths_name(&scene.wavelength_settings)),
         ("observer", "CIE 1931 2 degree".to_owned()),
+        (SENSOR_KIND, kind.to_owned()),
         (
             "unit",
             unit_name(response, is_detector(scene, sensor)).to_owned(),

@@ -11,7 +11,7 @@ use crate::math::hash::hash_bytes;
 use crate::render::{Render, Session};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 8] = *b"abbepart";
@@ -227,6 +227,20 @@ pub fn write(path: &Path, part: &Part) -> Result<(), PartError> {
         message,
     })?;
     Ok(write_atomic(path, |w| w.write_all(&bytes))?)
+}
+
+/// Whether a file begins as a part does.
+///
+/// # Errors
+/// The file cannot be opened or read.
+pub fn is_part(path: &Path) -> Result<bool, PartError> {
+    let begin = || {
+        let mut first = Vec::new();
+        let file = std::fs::File::open(path)?;
+        file.take(MAGIC.len() as u64).read_to_end(&mut first)?;
+        Ok(first == MAGIC)
+    };
+    begin().map_err(|e| PartError::from(FileError::new(path, e)))
 }
 
 /// Reads a part.

@@ -94,9 +94,9 @@ pub struct MergeOptions {
     /// Also writes the sum as a part file
     #[arg(long, value_name = "FILE")]
     pub part: Option<PathBuf>,
-    /// Exposure of the preview in stops
-    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = values::finite, allow_negative_numbers = true)]
-    pub exposure: f64,
+    /// Exposure of the preview in stops; by the picture itself otherwise
+    #[arg(long, value_name = "EV", value_parser = values::stops, allow_negative_numbers = true)]
+    pub exposure: Option<f64>,
     /// Writes no PNG preview
     #[arg(long)]
     pub no_preview: bool,

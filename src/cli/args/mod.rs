@@ -1,6 +1,7 @@
 //! The options of every command. Values are checked as they are parsed, so that wrong ones are usage errors that say what is
 //! allowed.
 
+mod develop;
 mod images;
 mod lens;
 mod overrides;
@@ -8,6 +9,7 @@ mod reports;
 mod scene;
 mod values;
 
+pub use develop::DevelopOptions;
 pub use images::{BandingOptions, CompareOptions, MergeOptions};
 pub use lens::{GlassOptions, LensOptions};
 pub use overrides::Overrides;
@@ -55,6 +57,8 @@ pub enum Command {
     Cost(Box<CostOptions>),
     /// Measures how far an image is from a reference
     Compare(CompareOptions),
+    /// Makes a picture of an image or part: exposure, tone curve, white balance, gamut of the display
+    Develop(Box<DevelopOptions>),
     /// Shows the refractive index of a glass
     Glass(GlassOptions),
     /// Prints the reference of all keys of scene files

@@ -73,9 +73,9 @@ pub struct RenderOptions {
     /// Renders only the pixels X0 <= x < X1, Y0 <= y < Y1
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = values::crop)]
     pub crop: Option<Crop>,
-    /// Exposure of the preview in stops
-    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = values::finite, allow_negative_numbers = true)]
-    pub exposure: f64,
+    /// Exposure of the preview in stops; by the picture itself otherwise
+    #[arg(long, value_name = "EV", value_parser = values::stops, allow_negative_numbers = true)]
+    pub exposure: Option<f64>,
     /// Writes no PNG preview
     #[arg(long)]
     pub no_preview: bool,
