@@ -12,23 +12,22 @@ pub(super) type FaceHit = (f64, u32);
 
 /// The sphere of radius 1 about the origin.
 pub(super) fn sphere(ray: &LocalRay) -> Option<FaceHit> {
-    let approach = ray.d.length();
     let roots = unit_roots(ray.o, ray.d, ray);
     roots
         .into_iter()
-        .find(|&t| ray.counts(t, approach))
+        .find(|&t| ray.counts(t, ray.at(t).dot(ray.d).abs()))
         .map(|t| (t, 0))
 }
 
 /// The open cylinder of radius 1 about z, -1 <= z <= 1.
 pub(super) fn cylinder(ray: &LocalRay) -> Option<FaceHit> {
     let flat = |v: DVec3| v.with_z(0.0);
-    let approach = ray.d.length();
+    let approach = |t: f64| flat(ray.at(t)).dot(flat(ray.d)).abs();
     let roots = unit_roots(flat(ray.o), flat(ray.d), ray);
     let inside = |t: f64| (ray.o.z + ray.d.z * t).abs() <= 1.0;
     roots
         .into_iter()
-        .find(|&t| inside(t) && ray.counts(t, approach))
+        .find(|&t| inside(t) && ray.counts(t, approach(t)))
         .map(|t| (t, 0))
 }
 

@@ -240,6 +240,27 @@ impl<C: Corners> TriangleMesh<C> {
         })
     }
 
+    /// Calls `found` for every triangle that is hit, with the barycentric weights of its second and third vertex.
+    pub(super) fn each(&self, ray: &LocalRay, time: f64, mut found: impl FnMut(u32, DVec2)) {
+        let corners = self.corners.at(time);
+        let Some(entry) = corners.tree().enter(ray.o, ray.d, ray.t_max) else {
+            return;
+        };
+        let prepared = self.prepare(ray, &entry);
+        corners.tree().any(
+            entry,
+            |_| (),
+            |leaves| {
+                for prim in leaves.map(|leaf| corners.prim(leaf)) {
+                    if let Some(hit) = hit(corners, ray, &prepared, prim, ray.t_max) {
+                        found(prim, DVec2::from(hit.weights));
+                    }
+                }
+                false
+            },
+        );
+    }
+
     /// The point of triangle `prim` with barycentric `weights` of its second and third vertex, at `time`.
     pub(super) fn local_point(&self, prim: u32, weights: DVec2, time: f64) -> LocalPoint {
         let at = self.corners.at(time);

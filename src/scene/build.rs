@@ -6,9 +6,10 @@ use super::description::{
 };
 use super::effects::find_effects;
 use super::probe::stack_at;
-use super::{Object, Scene, Sensor};
+use super::{Object, Passage, Scene, Sensor};
 use crate::camera::{Camera, CameraKind};
-use crate::geometry::{Accel, AccelAt, AreaSampler, Instance, InstanceId, Shape, Shutter};
+use crate::geometry::contact::{Region, contacts, overlaps};
+use crate::geometry::{Accel, AccelAt, AreaSampler, Contact, Instance, InstanceId, Shape, Shutter};
 use crate::light::area::AreaLight;
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightId};
@@ -64,6 +65,18 @@ pub enum BuildError {
         /// Its name.
         name: String,
     },
+    /// Two detectors are in the same place: only one can be met there.
+    #[error(
+        "{subject} \"{name}\" lies on sensor \"{other}\": only one detector can be in a place (allowed: a gap, or transparent = true on one of them)"
+    )]
+    SensorsTouch {
+        /// The detector that comes first.
+        subject: Subject,
+        /// Its name.
+        name: String,
+        /// The name of the other.
+        other: String,
+    },
     /// More instances than ids.
     #[error("the scene has more than {0} surfaces")]
     TooManyInstances(u32),
@@ -74,9 +87,9 @@ impl BuildError {
     #[must_use]
     pub fn subject(&self) -> Option<Subject> {
         match self {
-            Self::UnclearMedium { subject, .. } | Self::ChangingMedium { subject, .. } => {
-                Some(*subject)
-            }
+            Self::UnclearMedium { subject, .. }
+            | Self::ChangingMedium { subject, .. }
+            | Self::SensorsTouch { subject, .. } => Some(*subject),
             Self::NoLight | Self::TooManyInstances(_) => None,
         }
     }
@@ -111,6 +124,7 @@ impl Scene {
         let motions = builder.motions();
         let accel = Accel::build(std::mem::take(&mut builder.instances));
         let moments = Moments::new(&builder, &accel);
+        let contacts = builder.surroundings(&accel)?;
         let powers = builder.powers(&accel, &moments)?;
         let light_stacks = builder.light_stacks(&accel, &moments)?;
         builder.sensor_stacks(&accel, &moments)?;
@@ -146,6 +160,7 @@ impl Scene {
             motions,
             is_moving: moments.is_moving,
             effects: Vec::new(),
+            contacts,
             hash: description.hash,
         };
         scene.effects = find_effects(&scene);
@@ -262,6 +277,8 @@ impl Builder {
                 has_alpha: material.coverage.is_some()
                     && light.is_none()
                     && object.boundary == Boundary::None,
+                passage: Passage::Blocked,
+                contacts: Vec::new(),
                 name: object.name,
                 material: object.material,
                 boundary: object.boundary,
@@ -301,6 +318,8 @@ impl Builder {
                     transparent_sensor: detector.transparent,
                     clear: false,
                     has_alpha: false,
+                    passage: Passage::Blocked,
+                    contacts: Vec::new(),
                 });
             }
             self.sensors.push(Sensor {
@@ -326,6 +345,38 @@ impl Builder {
             sensor.camera.enumerate_motion(&mut next);
         }
         next
+    }
+
+    /// What each object has around it: surfaces that touch it, and solids that decide about segments. The contacts.
+    fn surroundings(&mut self, accel: &Accel) -> Result<Vec<Contact>, BuildError> {
+        let contacts = contacts(accel);
+        for contact in &contacts {
+            let [first, second] = contact.pair.map(|id| &self.objects[id.0 as usize]);
+            let hides = |o: &Object| o.sensor.is_some() && !o.transparent_sensor;
+            if contact.certain && hides(first) && hides(second) {
+                return Err(BuildError::SensorsTouch {
+                    subject: Subject::Sensor(first.sensor.unwrap_or_default()),
+                    name: first.name.clone(),
+                    other: second.name.clone(),
+                });
+            }
+            for id in contact.pair {
+                add_region(&mut self.objects[id.0 as usize].contacts, contact.region);
+            }
+        }
+        let mut among_solids = vec![false; self.objects.len()];
+        for [a, b] in overlaps(accel.instances()) {
+            let [a, b] = [a, b].map(|id| id.0 as usize);
+            let separates = |i: usize| self.objects[i].boundary != Boundary::None;
+            if separates(a) && separates(b) {
+                among_solids[a] = true;
+                among_solids[b] = true;
+            }
+        }
+        for (object, among_solids) in self.objects.iter_mut().zip(among_solids) {
+            object.passage = passage(object, among_solids, self.ambient);
+        }
+        Ok(contacts)
     }
 
     /// The mean power of each light over the moments.
@@ -397,6 +448,39 @@ impl Builder {
                 self.ambient,
             )
         }))
+    }
+}
+
+/// Most regions of contact of one object; beyond, they become one.
+const MOST_REGIONS: usize = 8;
+
+fn add_region(regions: &mut Vec<Region>, region: Region) {
+    regions.push(region);
+    if regions.len() > MOST_REGIONS {
+        let all = regions.drain(..).reduce(|a, b| a.union(&b));
+        regions.extend(all);
+    }
+}
+
+/// What the faces of an object do to segments. By itself, without other solids around, a boundary always changes the
+/// medium, or never.
+fn passage(object: &Object, among_solids: bool, ambient: MediumId) -> Passage {
+    if object.transparent_sensor || object.has_alpha {
+        return Passage::Free;
+    }
+    let changes = match object.boundary {
+        Boundary::None => true,
+        Boundary::Solid { medium, .. } => medium != ambient,
+        Boundary::Interface { above, below } => above != below,
+    };
+    if object.boundary == Boundary::None || object.light.is_some() {
+        Passage::Blocked
+    } else if among_solids {
+        Passage::Depends
+    } else if object.clear && !changes {
+        Passage::Free
+    } else {
+        Passage::Blocked
     }
 }
 
