@@ -354,7 +354,12 @@ impl Job<'_> {
                 .preview
                 .as_deref()
                 .map(|path| (path, options.exposure));
-            print(&summary::sensor(&targets.image, exposure, &stats));
+            print(&summary::sensor(
+                &targets.image,
+                exposure,
+                &stats,
+                &loaded.scene,
+            ));
         }
         Ok(stats)
     }

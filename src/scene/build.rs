@@ -9,7 +9,9 @@ use super::probe::stack_at;
 use super::{Object, Passage, Scene, Sensor};
 use crate::camera::{Camera, CameraKind};
 use crate::geometry::contact::{Region, contacts, overlaps};
-use crate::geometry::{Accel, AccelAt, AreaSampler, Contact, Instance, InstanceId, Shape, Shutter};
+use crate::geometry::{
+    Accel, AccelAt, AreaSampler, Contact, Instance, InstanceId, Mesh, Shape, Shutter,
+};
 use crate::light::area::AreaLight;
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightId};
@@ -24,6 +26,8 @@ use std::sync::Arc;
 /// Part of a [`SceneDescription`] that a [`BuildError`] is about, by its index there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
+    /// An entry of `objects`.
+    Object(usize),
     /// The emission of an entry of `objects`.
     Emission(usize),
     /// An entry of `lights`.
@@ -35,6 +39,7 @@ pub enum Subject {
 impl fmt::Display for Subject {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self {
+            Self::Object(_) => "object",
             Self::Emission(_) | Self::Light(_) => "light",
             Self::Sensor(_) => "sensor",
         })
@@ -65,6 +70,16 @@ pub enum BuildError {
         /// Its name.
         name: String,
     },
+    /// A solid whose surface moves is wound inwards.
+    #[error(
+        "{subject} \"{name}\" is inside out: the triangles of its mesh run clockwise seen from outside (allowed: counter-clockwise)"
+    )]
+    InsideOut {
+        /// The object.
+        subject: Subject,
+        /// Its name.
+        name: String,
+    },
     /// Two detectors are in the same place: only one can be met there.
     #[error(
         "{subject} \"{name}\" lies on sensor \"{other}\": only one detector can be in a place (allowed: a gap, or transparent = true on one of them)"
@@ -89,6 +104,7 @@ impl BuildError {
         match self {
             Self::UnclearMedium { subject, .. }
             | Self::ChangingMedium { subject, .. }
+            | Self::InsideOut { subject, .. }
             | Self::SensorsTouch { subject, .. } => Some(*subject),
             Self::NoLight | Self::TooManyInstances(_) => None,
         }
@@ -96,13 +112,12 @@ impl BuildError {
 }
 
 /// Points of a surface at which the medium around it is checked.
-const PROBES: [[f64; 3]; 5] = [
-    [0.5, 0.5, 0.5],
-    [0.1, 0.07, 0.09],
-    [0.9, 0.93, 0.06],
-    [0.3, 0.08, 0.94],
-    [0.7, 0.92, 0.91],
-];
+const PROBES: u32 = 32;
+
+/// Numbers of the nth of them, spread evenly (Roberts, The unreasonable effectiveness of quasirandom sequences, 2018).
+fn probe(n: u32) -> [f64; 3] {
+    [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step| (0.5 + step * f64::from(n)).fract())
+}
 
 /// Moments of the shutter at which media are looked for and powers averaged where something moves, as fractions.
 const MOMENTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -118,7 +133,7 @@ impl Scene {
             return Err(BuildError::TooManyInstances(u32::MAX));
         }
         let mut builder = Builder::new(&mut description);
-        builder.surfaces(std::mem::take(&mut description.objects));
+        builder.surfaces(std::mem::take(&mut description.objects))?;
         builder.lights(std::mem::take(&mut description.lights));
         builder.sensors(std::mem::take(&mut description.sensors));
         let motions = builder.motions();
@@ -135,6 +150,7 @@ impl Scene {
             lights,
             light_names,
             sensors,
+            notes,
             ..
         } = builder;
         let environments = (0u32..)
@@ -161,6 +177,7 @@ impl Scene {
             is_moving: moments.is_moving,
             effects: Vec::new(),
             contacts,
+            notes,
             hash: description.hash,
         };
         scene.effects = find_effects(&scene);
@@ -180,6 +197,7 @@ struct Builder {
     light_names: Vec<String>,
     light_subjects: Vec<Subject>,
     sensors: Vec<Sensor>,
+    notes: Vec<String>,
 }
 
 /// The moments of a shutter at which media are looked for and powers averaged.
@@ -232,6 +250,7 @@ impl Builder {
             light_names: Vec::new(),
             light_subjects: Vec::new(),
             sensors: Vec::with_capacity(description.sensors.len()),
+            notes: Vec::new(),
         }
     }
 
@@ -253,9 +272,13 @@ impl Builder {
     }
 
     /// Objects become instances, and those that emit become lights.
-    fn surfaces(&mut self, described: Vec<ObjectDescription>) {
+    fn surfaces(&mut self, described: Vec<ObjectDescription>) -> Result<(), BuildError> {
         let mut samplers = Samplers::default();
-        for (index, object) in described.into_iter().enumerate() {
+        let mut turned = HashMap::new();
+        for (index, mut object) in described.into_iter().enumerate() {
+            if matches!(object.boundary, Boundary::Solid { .. }) {
+                self.turn_outward(index, &mut object, &mut turned)?;
+            }
             let instance = InstanceId(self.instances.len() as u32);
             let light = object.emission.map(|emission| {
                 let area = AreaLight {
@@ -273,6 +296,7 @@ impl Builder {
             });
             let material = &self.materials[object.material.0 as usize];
             self.objects.push(Object {
+                is_interface: material.needs_interior(),
                 clear: material.is_clear_interface() && light.is_none(),
                 has_alpha: material.coverage.is_some()
                     && light.is_none()
@@ -287,6 +311,37 @@ impl Builder {
                 transparent_sensor: false,
             });
         }
+        Ok(())
+    }
+
+    /// Turns the mesh of a solid that is wound inwards; `turned` remembers those that were.
+    fn turn_outward(
+        &mut self,
+        index: usize,
+        object: &mut ObjectDescription,
+        turned: &mut HashMap<*const Mesh, Arc<Mesh>>,
+    ) -> Result<(), BuildError> {
+        match &mut object.shape {
+            Shape::Mesh(mesh) if mesh.signed_volume() < 0.0 => {
+                let new = turned
+                    .entry(Arc::as_ptr(mesh))
+                    .or_insert_with(|| Arc::new(mesh.turned()));
+                *mesh = Arc::clone(new);
+                self.notes.push(format!(
+                    "object \"{}\": its mesh is inside out (triangles run clockwise seen from \
+                     outside), and is turned",
+                    object.name
+                ));
+            }
+            Shape::Deforming(mesh) if mesh.signed_volume() < 0.0 => {
+                return Err(BuildError::InsideOut {
+                    subject: Subject::Object(index),
+                    name: object.name.clone(),
+                });
+            }
+            _ => {}
+        }
+        Ok(())
     }
 
     /// Lights that are no surfaces.
@@ -316,6 +371,7 @@ impl Builder {
                     light: None,
                     sensor: Some(index),
                     transparent_sensor: detector.transparent,
+                    is_interface: false,
                     clear: false,
                     has_alpha: false,
                     passage: Passage::Blocked,
@@ -422,7 +478,7 @@ impl Builder {
     fn light_stack(&self, geometry: &AccelAt, light: &Light) -> Option<MediumStack> {
         let stack = |p, n, start| stack_at(geometry, &self.objects, p, n, start, self.ambient);
         match light.as_area() {
-            Some(area) => common_stack(PROBES.iter().map(|&[u, v, w]| {
+            Some(area) => common_stack((0..PROBES).map(probe).map(|[u, v, w]| {
                 let point = area.sample(geometry, u, DVec2::new(v, w)).point;
                 stack(point.p, point.ng, Some(point.id))
             })),
@@ -436,7 +492,7 @@ impl Builder {
 
     fn sensor_stack(&self, geometry: &AccelAt, camera: &Camera) -> Option<MediumStack> {
         let size = camera.resolution().size();
-        common_stack(PROBES.iter().map(|&[u, v, _]| {
+        common_stack((0..PROBES).map(probe).map(|[u, v, _]| {
             let (raster, u_lens) = (DVec2::new(u, v) * size, DVec2::new(v, u));
             let xk = camera.sample_ray(raster, u_lens, geometry.moment()).xk;
             stack_at(
@@ -473,7 +529,7 @@ fn passage(object: &Object, among_solids: bool, ambient: MediumId) -> Passage {
         Boundary::Solid { medium, .. } => medium != ambient,
         Boundary::Interface { above, below } => above != below,
     };
-    if object.boundary == Boundary::None || object.light.is_some() {
+    if !object.is_interface || object.light.is_some() {
         Passage::Blocked
     } else if among_solids {
         Passage::Depends

@@ -53,7 +53,7 @@ pub fn faces_at(geometry: &AccelAt, objects: &[Object], point: &SurfacePoint) ->
 
 /// Whether a surface scatters, absorbs, emits or senses by itself, and not as the boundary of a medium.
 fn stands_alone(object: &Object) -> bool {
-    object.boundary == Boundary::None || object.light.is_some()
+    !object.is_interface || object.light.is_some()
 }
 
 /// Which of the faces in one place is met, where that does not depend on the media: the last that stands alone.

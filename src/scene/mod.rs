@@ -57,6 +57,8 @@ pub struct Object {
     pub sensor: Option<usize>,
     /// A sensor that lets light through.
     pub transparent_sensor: bool,
+    /// Its material is an interface, which light crosses from one medium into another.
+    pub is_interface: bool,
     /// Clear interface: walks skip it where the medium does not change.
     pub clear: bool,
     /// Opacity varies: its material has a coverage map.
@@ -128,6 +130,8 @@ pub struct Scene {
     pub has_coverage: bool,
     /// Surfaces that touch, or may touch.
     pub contacts: Vec<Contact>,
+    /// What was put right when it was built.
+    pub notes: Vec<String>,
     /// Hash of the scene file and the files it refers to.
     pub hash: u64,
 }

@@ -10,6 +10,7 @@ mod gltf;
 
 mod animated;
 mod closed_forms;
+mod contact;
 mod determinism;
 mod equality;
 mod hard_cases;

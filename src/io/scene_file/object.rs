@@ -228,15 +228,24 @@ impl ObjectKeys {
         if let (Some(interior), Some((shape, _))) = (&self.interior, shape) {
             let message = match shape {
                 Shape::Disk { .. } | Shape::Quad | Shape::Cylinder => {
-                    "interior needs a closed shape (allowed: sphere, box, a closed mesh; for \
-                     others name both sides with interface)"
+                    (!shape.is_closed()).then(|| {
+                        "interior needs a closed shape (allowed: sphere, box, a closed mesh; for \
+                         others name both sides with interface)"
+                            .to_owned()
+                    })
                 }
-                _ => {
-                    "the mesh is not closed, so it has no interior (every edge needs two \
-                     triangles that run through it in opposite directions)"
-                }
+                _ => shape.open_edge().map(|[a, b]| {
+                    let text = |p: glam::DVec3| format!("[{}, {}, {}]", p.x, p.y, p.z);
+                    format!(
+                        "the mesh is not closed, so it has no interior (every edge needs two \
+                         triangles that run through it in opposite directions; that from {} to \
+                         {} has not)",
+                        text(a),
+                        text(b)
+                    )
+                }),
             };
-            if !shape.is_closed() {
+            if let Some(message) = message {
                 cx.conflict(&interior.at, message);
             }
         }
