@@ -24,7 +24,7 @@ use std::fmt;
 use std::sync::Arc;
 
 /// Part of a [`SceneDescription`] that a [`BuildError`] is about, by its index there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Subject {
     /// An entry of `objects`.
     Object(usize),
@@ -54,13 +54,25 @@ pub enum BuildError {
     NoLight,
     /// Rays disagree about the medium around a light or sensor.
     #[error(
-        "cannot tell which medium {subject} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it)"
+        "cannot tell which medium {subject} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it; its key medium can say it)"
     )]
     UnclearMedium {
         /// The light or sensor.
         subject: Subject,
         /// Its name.
         name: String,
+    },
+    /// The medium that is said to be around a light or sensor is not the one that is there.
+    #[error("{subject} \"{name}\" is in the medium \"{found}\", not in \"{named}\"")]
+    OtherMedium {
+        /// The light or sensor.
+        subject: Subject,
+        /// Its name.
+        name: String,
+        /// The medium that is there.
+        found: String,
+        /// The medium that is said to be there.
+        named: String,
     },
     /// The medium around a light or sensor is another one at another time.
     #[error("{subject} \"{name}\" moves from one medium into another while the shutter is open")]
@@ -103,6 +115,7 @@ impl BuildError {
     pub fn subject(&self) -> Option<Subject> {
         match self {
             Self::UnclearMedium { subject, .. }
+            | Self::OtherMedium { subject, .. }
             | Self::ChangingMedium { subject, .. }
             | Self::InsideOut { subject, .. }
             | Self::SensorsTouch { subject, .. } => Some(*subject),
@@ -188,6 +201,8 @@ impl Scene {
 /// A scene in the making, one method a phase.
 struct Builder {
     ambient: MediumId,
+    named_media: HashMap<Subject, MediumId>,
+    media_names: Vec<String>,
     /// The only lines there are, in nanometres, where a render draws nothing else.
     chosen_lines: Option<Vec<f64>>,
     materials: Vec<Material>,
@@ -242,6 +257,8 @@ impl Builder {
         };
         Self {
             ambient: description.ambient,
+            named_media: description.named_media.iter().copied().collect(),
+            media_names: description.media.iter().map(|m| m.name.clone()).collect(),
             chosen_lines,
             materials: std::mem::take(&mut description.materials),
             instances: Vec::with_capacity(description.objects.len()),
@@ -457,7 +474,7 @@ impl Builder {
         let named = self.light_names.iter().zip(&self.light_subjects);
         let stack = |(light, (name, subject)): (&Light, (&String, &Subject))| {
             let at = |&t: &f64| self.light_stack(&accel.at(t), light);
-            constant_stack(moments.all.iter().map(at), *subject, name)
+            self.known_stack(moments.all.iter().map(at), *subject, name)
         };
         self.lights.iter().zip(named).map(stack).collect()
     }
@@ -470,9 +487,36 @@ impl Builder {
             let at = |&t: &f64| self.sensor_stack(&accel.at(t), &sensor.camera);
             let stacks = moments.iter().map(at);
             self.sensors[index].stack =
-                constant_stack(stacks, Subject::Sensor(index), &sensor.name)?;
+                self.known_stack(stacks, Subject::Sensor(index), &sensor.name)?;
         }
         Ok(())
+    }
+
+    /// The common stack of all moments, checked against the medium that is named, if one is; where rays cannot tell, it
+    /// is the named one.
+    fn known_stack(
+        &self,
+        stacks: impl Iterator<Item = Option<MediumStack>>,
+        subject: Subject,
+        name: &str,
+    ) -> Result<MediumStack, BuildError> {
+        let found = constant_stack(stacks, subject, name);
+        let Some(&named) = self.named_media.get(&subject) else {
+            return found;
+        };
+        match found {
+            Err(BuildError::UnclearMedium { .. }) => Ok(MediumStack::new(named)),
+            Ok(stack) if stack.medium() != named => {
+                let text = |id: MediumId| self.media_names[id.0 as usize].clone();
+                Err(BuildError::OtherMedium {
+                    subject,
+                    name: name.to_owned(),
+                    found: text(stack.medium()),
+                    named: text(named),
+                })
+            }
+            found => found,
+        }
     }
 
     fn light_stack(&self, geometry: &AccelAt, light: &Light) -> Option<MediumStack> {

@@ -13,6 +13,7 @@ use super::value::{At, MaterialName, MediumName, Name, items};
 use crate::geometry::{Shape, Transform};
 use crate::material::MaterialId;
 use crate::medium::{Boundary, MediumId};
+use crate::scene::Subject;
 use crate::scene::description::{AreaEmission, ObjectDescription};
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeSet;
@@ -52,6 +53,8 @@ keys! {
         emission: Option<SurfaceEmission>, unit "W/(m² sr nm)", or "none";
         /// With `emission`: emits from the back too.
         two_sided: Option<bool>, or "false";
+        /// With `emission`: the medium in front of it; checked, and needed only where solids are open.
+        medium: Option<MediumUse>, or "what is there";
     }
 }
 
@@ -102,7 +105,7 @@ impl Value for MaterialUse {
 
 /// A medium of the file.
 #[derive(Clone, Copy)]
-pub struct MediumUse(MediumId);
+pub struct MediumUse(pub MediumId);
 
 impl Value for MediumUse {
     fn form() -> Form {
@@ -120,6 +123,7 @@ impl Value for MediumUse {
 pub struct Unnamed {
     name: Option<String>,
     object: ObjectDescription,
+    medium: Option<MediumId>,
 }
 
 impl Build for ObjectKeys {
@@ -161,6 +165,7 @@ impl Build for ObjectKeys {
         let two_sided = self.two_sided.unwrap_or(false);
         Some(Unnamed {
             name: self.name.map(|n| n.value.0),
+            medium: self.medium.map(|m| m.0),
             object: ObjectDescription {
                 name: String::new(),
                 shape,
@@ -249,6 +254,10 @@ impl ObjectKeys {
                 cx.conflict(&interior.at, message);
             }
         }
+        if self.medium.is_some() && self.emission.is_none() {
+            let message = "medium is for objects with emission only";
+            cx.conflict(&table.span("medium"), message);
+        }
         if self.two_sided.is_some() && self.emission.is_none() {
             let message = "two_sided is for objects with emission only";
             cx.conflict(&table.span("two_sided"), message);
@@ -298,7 +307,13 @@ impl Value for Objects {
             let Some(read) = Built::<ObjectKeys>::read(item, spec, cx) else {
                 continue;
             };
-            let Unnamed { name, mut object } = read.0;
+            let Unnamed {
+                name,
+                mut object,
+                medium,
+            } = read.0;
+            let subject = Subject::Emission(objects.len());
+            cx.named_media.extend(medium.map(|m| (subject, m)));
             if let Some(name) = &name
                 && !names.insert(name.clone())
             {

@@ -14,6 +14,7 @@ use crate::geometry::{Shape, Shutter};
 use crate::io::files::{self, FileProblem};
 use crate::math::hash::{combine, hash_bytes};
 use crate::medium::MediumId;
+use crate::scene::Subject;
 use crate::scene::settings::FilterKind;
 use crate::spectrum::library::{Library, LibraryError};
 use crate::texture::Image;
@@ -69,6 +70,10 @@ pub struct Reader<'s> {
     pub moves: bool,
     /// What is legal but surely not meant.
     pub warnings: Vec<String>,
+    /// The media that emissions, lights and sensors are said to be in.
+    pub named_media: Vec<(Subject, MediumId)>,
+    /// Those of sensors, by index, which are looked up once media are known.
+    pub sensor_media: Vec<(usize, At<MediumName>)>,
     /// Hashes of the files that were read, in the order in which they are named.
     pub file_hashes: Vec<u64>,
     /// Number of these when `[[object]]` is reached.
@@ -100,6 +105,8 @@ impl<'s> Reader<'s> {
             black: 0,
             moves: false,
             warnings: Vec::new(),
+            named_media: Vec::new(),
+            sensor_media: Vec::new(),
             file_hashes: Vec::new(),
             files_before_objects: 0,
             hash_of_file: BTreeMap::new(),

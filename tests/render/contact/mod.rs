@@ -5,6 +5,7 @@
 mod limits;
 mod random;
 mod reference;
+mod solids;
 
 use super::equality::LIMIT;
 use super::harness::{Estimate, line_images, mean, measure, scene, with};

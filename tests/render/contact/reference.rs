@@ -245,7 +245,8 @@ pub fn sample(
             continue;
         }
         o = p;
-        if before == after || before.0 == after.0 {
+        // media of one index are still two
+        if before.1 == after.1 {
             continue;
         }
         if class.len() >= max_depth {
