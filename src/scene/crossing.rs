@@ -74,6 +74,9 @@ pub fn resolve(
     stack: &MediumStack,
     d: DVec3,
 ) -> Result<Crossing, NestedTooDeep> {
+    if let [face] = faces {
+        return resolve_alone(objects, face, stack, d);
+    }
     let id = |i: usize| faces[i].point.id.instance;
     let boundary = |i: usize| objects[id(i).0 as usize].boundary;
     let entering = |i: usize| d.dot(faces[i].point.ng) < 0.0;
@@ -114,7 +117,6 @@ pub fn resolve(
     let last = faces.len() - 1;
     let (met, is_alone) = match alone(objects, faces) {
         Some(i) => (i, true),
-        None if faces.len() == 1 => (0, false),
         None => ((0..=last).rfind(|&i| takes_part(i)).unwrap_or(last), false),
     };
     Ok(Crossing {
@@ -122,6 +124,32 @@ pub fn resolve(
         met,
         behind,
         mismatch,
+    })
+}
+
+/// The same for a face that has its place for itself.
+#[inline]
+fn resolve_alone(
+    objects: &[Object],
+    face: &Face,
+    stack: &MediumStack,
+    d: DVec3,
+) -> Result<Crossing, NestedTooDeep> {
+    let id = face.point.id.instance;
+    let object = &objects[id.0 as usize];
+    let boundary = if face.folded {
+        Boundary::None
+    } else {
+        object.boundary
+    };
+    let entering = d.dot(face.point.ng) < 0.0;
+    let agrees = stack.agrees(boundary, id, entering);
+    let behind = stack.crossed(boundary, id, entering).ok_or(NestedTooDeep)?;
+    Ok(Crossing {
+        met: 0,
+        clear: object.clear && behind.medium() == stack.medium(),
+        behind,
+        mismatch: (!agrees).then_some(id),
     })
 }
 
@@ -138,7 +166,8 @@ impl SceneAt<'_> {
     #[must_use]
     pub fn exposure(&self, end: &EndPoint) -> f64 {
         let Some(id) = end.surface else { return 1.0 };
-        if self.object(id.instance).transparent_sensor {
+        let object = self.object(id.instance);
+        if object.contacts.is_empty() || object.transparent_sensor {
             return 1.0;
         }
         let point = SurfacePoint {
