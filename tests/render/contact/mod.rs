@@ -87,7 +87,7 @@ fn a_segment_passes_what_is_hidden_and_what_is_the_same() {
     for kind in ALL {
         let bare = |objects: &str| {
             let (scene, settings) = scene(&format!("{HEAD}{objects}"));
-            let mut found = measure(&scene, &with(&settings, kind), 32, 100, &["LE"]);
+            let mut found = measure(&scene, &with(&settings, kind), 8, 100, &["LE"]);
             found.classes.swap_remove(0)
         };
         let free = bare("");
