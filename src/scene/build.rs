@@ -1,5 +1,7 @@
 //! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends of paths.
 
+mod surroundings;
+
 use super::description::{
     LightDescription, ObjectDescription, SceneDescription, SensorDescription, WavelengthChoice,
     WavelengthSettings,
@@ -8,10 +10,7 @@ use super::effects::find_effects;
 use super::probe::stack_at;
 use super::{Object, Passage, Scene, Sensor};
 use crate::camera::{Camera, CameraKind};
-use crate::geometry::contact::{Region, contacts, overlaps};
-use crate::geometry::{
-    Accel, AccelAt, AreaSampler, Contact, Instance, InstanceId, Mesh, Shape, Shutter,
-};
+use crate::geometry::{Accel, AccelAt, AreaSampler, Instance, InstanceId, Shape, Shutter};
 use crate::light::area::AreaLight;
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightId};
@@ -331,36 +330,6 @@ impl Builder {
         Ok(())
     }
 
-    /// Turns the mesh of a solid that is wound inwards; `turned` remembers those that were.
-    fn turn_outward(
-        &mut self,
-        index: usize,
-        object: &mut ObjectDescription,
-        turned: &mut HashMap<*const Mesh, Arc<Mesh>>,
-    ) -> Result<(), BuildError> {
-        match &mut object.shape {
-            Shape::Mesh(mesh) if mesh.signed_volume() < 0.0 => {
-                let new = turned
-                    .entry(Arc::as_ptr(mesh))
-                    .or_insert_with(|| Arc::new(mesh.turned()));
-                *mesh = Arc::clone(new);
-                self.notes.push(format!(
-                    "object \"{}\": its mesh is inside out (triangles run clockwise seen from \
-                     outside), and is turned",
-                    object.name
-                ));
-            }
-            Shape::Deforming(mesh) if mesh.signed_volume() < 0.0 => {
-                return Err(BuildError::InsideOut {
-                    subject: Subject::Object(index),
-                    name: object.name.clone(),
-                });
-            }
-            _ => {}
-        }
-        Ok(())
-    }
-
     /// Lights that are no surfaces.
     fn lights(&mut self, described: Vec<LightDescription>) {
         for (index, LightDescription { name, mut light }) in described.into_iter().enumerate() {
@@ -418,38 +387,6 @@ impl Builder {
             sensor.camera.enumerate_motion(&mut next);
         }
         next
-    }
-
-    /// What each object has around it: surfaces that touch it, and solids that decide about segments. The contacts.
-    fn surroundings(&mut self, accel: &Accel) -> Result<Vec<Contact>, BuildError> {
-        let contacts = contacts(accel);
-        for contact in &contacts {
-            let [first, second] = contact.pair.map(|id| &self.objects[id.0 as usize]);
-            let hides = |o: &Object| o.sensor.is_some() && !o.transparent_sensor;
-            if contact.certain && hides(first) && hides(second) {
-                return Err(BuildError::SensorsTouch {
-                    subject: Subject::Sensor(first.sensor.unwrap_or_default()),
-                    name: first.name.clone(),
-                    other: second.name.clone(),
-                });
-            }
-            for id in contact.pair {
-                add_region(&mut self.objects[id.0 as usize].contacts, contact.region);
-            }
-        }
-        let mut among_solids = vec![false; self.objects.len()];
-        for [a, b] in overlaps(accel.instances()) {
-            let [a, b] = [a, b].map(|id| id.0 as usize);
-            let separates = |i: usize| self.objects[i].boundary != Boundary::None;
-            if separates(a) && separates(b) {
-                among_solids[a] = true;
-                among_solids[b] = true;
-            }
-        }
-        for (object, among_solids) in self.objects.iter_mut().zip(among_solids) {
-            object.passage = passage(object, among_solids, self.ambient);
-        }
-        Ok(contacts)
     }
 
     /// The mean power of each light over the moments.
@@ -548,39 +485,6 @@ impl Builder {
                 self.ambient,
             )
         }))
-    }
-}
-
-/// Most regions of contact of one object; beyond, they become one.
-const MOST_REGIONS: usize = 8;
-
-fn add_region(regions: &mut Vec<Region>, region: Region) {
-    regions.push(region);
-    if regions.len() > MOST_REGIONS {
-        let all = regions.drain(..).reduce(|a, b| a.union(&b));
-        regions.extend(all);
-    }
-}
-
-/// What the faces of an object do to segments. By itself, without other solids around, a boundary always changes the
-/// medium, or never.
-fn passage(object: &Object, among_solids: bool, ambient: MediumId) -> Passage {
-    if object.transparent_sensor || object.has_alpha {
-        return Passage::Free;
-    }
-    let changes = match object.boundary {
-        Boundary::None => true,
-        Boundary::Solid { medium, .. } => medium != ambient,
-        Boundary::Interface { above, below } => above != below,
-    };
-    if !object.is_interface || object.light.is_some() {
-        Passage::Blocked
-    } else if among_solids {
-        Passage::Depends
-    } else if object.clear && !changes {
-        Passage::Free
-    } else {
-        Passage::Blocked
     }
 }
 
