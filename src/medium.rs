@@ -174,15 +174,6 @@ impl MediumStack {
     }
 }
 
-/// The medium at a place and the solid it belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Region {
-    /// The medium.
-    pub medium: MediumId,
-    /// The solid of highest rank there; `None` outside all solids.
-    pub rank: Option<Rank>,
-}
-
 impl MediumStack {
     /// Whether `boundary` of `solid` can be met here from this side: solids are left only from inside, and interfaces name the medium
     /// that is really there.
@@ -194,31 +185,6 @@ impl MediumStack {
             Boundary::Interface { above, below } => {
                 !self.solids.is_empty() || self.outside == if entering { above } else { below }
             }
-        }
-    }
-
-    /// The region here.
-    #[must_use]
-    pub fn region(&self) -> Region {
-        Region {
-            medium: self.medium(),
-            rank: self.rank(),
-        }
-    }
-}
-
-impl Region {
-    /// Whether a segment inside this region passes `boundary` of `solid` without a vertex: the solid is hidden by the region's own
-    /// (lower rank), or the medium does not change. Only for clear interfaces.
-    #[must_use]
-    pub fn passes(&self, boundary: Boundary, solid: InstanceId) -> bool {
-        match boundary {
-            Boundary::None => false,
-            Boundary::Solid { medium, priority } => {
-                let rank = Rank { priority, solid };
-                self.rank.is_some_and(|own| rank < own) || medium == self.medium
-            }
-            Boundary::Interface { above, below } => above == below,
         }
     }
 }

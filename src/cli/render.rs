@@ -324,7 +324,13 @@ impl Job<'_> {
         );
         stats.forecast = session.forecast(options.target_error);
         if !options.quiet {
-            print(&summary::sensor(&targets.image, preview.as_deref(), &stats));
+            let preview = preview.as_deref();
+            print(&summary::sensor(
+                &targets.image,
+                preview,
+                &stats,
+                &loaded.scene,
+            ));
         }
         Ok(stats)
     }

@@ -2,9 +2,11 @@
 
 use super::stats::{FEW_HITS, SensorStats};
 use super::usage::bytes_text;
+use crate::medium::Boundary;
 use crate::render::forecast::Forecast;
 use crate::render::{PhotonMemory, RadiusChoice, Render};
 use crate::report::readable::{duration, percent};
+use crate::scene::Scene;
 use crate::scene::effects::{Effect, EffectKind};
 use crate::scene::regularization::Decision;
 use std::fmt::Write as _;
@@ -75,7 +77,7 @@ pub fn merging(radius: &RadiusChoice, memory: &PhotonMemory) -> String {
 
 /// The closing summary of one sensor; `preview` is what is to be said of it.
 #[must_use]
-pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats) -> String {
+pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats, scene: &Scene) -> String {
     let [width, height] = stats.size;
     let mut text = format!(
         "{}: {width} x {height} pixels, {} passes, {}\n",
@@ -137,16 +139,14 @@ pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats) -> Strin
             merging.wavelengths.largest_gap_nm,
         );
     }
+    let unexpected = unexpected(stats, scene);
     let trouble = [
         (
             stats.non_finite,
             "contributions were not finite and left out",
         ),
         (stats.saturated, "contributions were too large and left out"),
-        (
-            stats.counters.medium_mismatches,
-            "surfaces were met from an unexpected medium (is a solid open?)",
-        ),
+        (stats.counters.medium_mismatches, unexpected.as_str()),
         (
             stats.counters.nesting_overflows,
             "paths were cut because too many solids are nested",
@@ -154,6 +154,22 @@ pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats) -> Strin
     ];
     for (count, what) in trouble.iter().filter(|t| t.0 > 0) {
         _ = writeln!(text, "  warning   {count} {what}");
+    }
+    text
+}
+
+/// Whose surfaces were met from an unexpected medium, and why that may be.
+fn unexpected(stats: &SensorStats, scene: &Scene) -> String {
+    let mut text = "surfaces were met from an unexpected medium".to_owned();
+    if let Some(id) = stats.counters.mismatched {
+        let object = scene.object(id);
+        let cause = match object.boundary {
+            Boundary::Interface { .. } => {
+                "is what it names as the medium on each side really there?"
+            }
+            _ => "does its mesh cross itself, or does a light or sensor reach into it?",
+        };
+        _ = write!(text, ", such as those of \"{}\" ({cause})", object.name);
     }
     text
 }

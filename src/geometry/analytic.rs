@@ -12,24 +12,34 @@ pub(super) type FaceHit = (f64, u32);
 
 /// The sphere of radius 1 about the origin.
 pub(super) fn sphere(ray: &LocalRay) -> Option<FaceHit> {
-    let approach = ray.d.length();
+    let approach = |t| approach(ray, ray.at(t), ray.d);
     let roots = unit_roots(ray.o, ray.d, ray);
     roots
         .into_iter()
-        .find(|&t| ray.counts(t, approach))
+        .find(|&t| ray.counts(t, approach(t)))
         .map(|t| (t, 0))
 }
 
 /// The open cylinder of radius 1 about z, -1 <= z <= 1.
 pub(super) fn cylinder(ray: &LocalRay) -> Option<FaceHit> {
     let flat = |v: DVec3| v.with_z(0.0);
-    let approach = ray.d.length();
+    let approach = |t| approach(ray, flat(ray.at(t)), flat(ray.d));
     let roots = unit_roots(flat(ray.o), flat(ray.d), ray);
     let inside = |t: f64| (ray.o.z + ray.d.z * t).abs() <= 1.0;
     roots
         .into_iter()
-        .find(|&t| inside(t) && ray.counts(t, approach))
+        .find(|&t| inside(t) && ray.counts(t, approach(t)))
         .map(|t| (t, 0))
+}
+
+/// How fast a ray nears a curved shape where its normal is `n`. The other root of the shape that an end lies on has a
+/// closed form, and is told from the end however flat the chord is.
+fn approach(ray: &LocalRay, n: DVec3, d: DVec3) -> f64 {
+    if ray.start.is_some() || ray.end.is_some() {
+        d.length()
+    } else {
+        n.dot(d).abs()
+    }
 }
 
 /// Parameters, in order, at which the line is at distance 1 from the origin; NaN for those that do not exist or that

@@ -6,6 +6,8 @@
 pub mod accel;
 mod analytic;
 pub mod area;
+pub mod coincident;
+pub mod contact;
 pub mod deforming;
 pub mod endpoint;
 pub mod hit;
@@ -25,6 +27,8 @@ mod triangles;
 
 pub use accel::{Accel, AccelAt};
 pub use area::AreaSampler;
+pub use coincident::{Face, Faces};
+pub use contact::Contact;
 pub use deforming::Deforming;
 pub use endpoint::{DirectionalDensity, EndPoint};
 pub use hit::{Hit, SurfaceId, SurfacePoint};

@@ -114,7 +114,7 @@ impl<'a> LocalRay<'a> {
     }
 
     /// Whether a face that is named neither as start nor as end counts when hit at `t`, where the ray nears it by
-    /// `approach` per unit of `t` (|d·n| for a flat face, |d| for a curved one). Faces nearer to an end of the ray than
+    /// `approach` per unit of `t` (|d·n|). Faces nearer to an end of the ray than
     /// the rounding error of that end are its neighbors, and do not. Few rays come to ask, so that the error waits until then.
     #[inline]
     pub fn counts(&self, t: f64, approach: f64) -> bool {

@@ -69,6 +69,16 @@ impl Shape {
         }
     }
 
+    /// An edge of a mesh that is open, from vertex to vertex in object space.
+    #[must_use]
+    pub fn open_edge(&self) -> Option<[DVec3; 2]> {
+        match self {
+            Self::Mesh(mesh) => mesh.open_edge(),
+            Self::Deforming(mesh) => mesh.open_edge(),
+            _ => None,
+        }
+    }
+
     /// Bounds in object space over the shutter.
     #[must_use]
     pub fn bounds(&self) -> (DVec3, DVec3) {

@@ -69,7 +69,7 @@ impl Child {
 }
 
 /// A tree of boxes, in the space of the boxes given.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Tree {
     pub(super) nodes: Vec<Node>,
     /// Pending nodes a traversal may have.

@@ -12,7 +12,7 @@ use prefetch_index::prefetch_index;
 pub(super) type Triangle = [[f32; 3]; 3];
 
 /// A list of triangles.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Triangles {
     /// x, y, z of the three corners of each triangle, and one number more: rows are read by four.
     rows: Vec<f32>,
@@ -44,6 +44,13 @@ impl Triangles {
         let (rows, _) = self.rows.as_chunks::<9>();
         let &[ax, bx, cx, ay, by, cy, az, bz, cz] = &rows[index as usize];
         [[ax, ay, az], [bx, by, bz], [cx, cy, cz]]
+    }
+
+    /// Turns every triangle: its last two corners change places.
+    pub fn turn(&mut self) {
+        for row in self.rows.as_chunks_mut::<3>().0 {
+            row.swap(1, 2);
+        }
     }
 
     pub fn iter(&self) -> impl Iterator<Item = Triangle> {

@@ -266,7 +266,8 @@ pub fn sample_and_merge(
     let start = sensor
         .camera
         .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.moment());
-    camera.restart(start.xk, sensor.stack.region(), None, start.pdf_xk);
+    let weight = start.weight * context.scene.exposure(&start.xk);
+    camera.restart(start.xk, &sensor.stack, None, start.pdf_xk);
     let strategies = job.strategies_of(pass, (x, y));
     if strategies.wants_camera_walk() {
         let eta2 = context.eta_squared(sensor.stack.medium());
@@ -278,7 +279,7 @@ pub fn sample_and_merge(
             Start {
                 ray: Ray::leaving(x_sensor.p, start.direction, x_sensor.surface),
                 stack: sensor.stack.clone(),
-                throughput: Throughput::splat(start.weight).times(&eta2),
+                throughput: Throughput::splat(weight).times(&eta2),
                 pdf: start.pdf_direction,
                 infinite: false,
                 generate: Side::Light,
@@ -296,7 +297,7 @@ pub fn sample_and_merge(
     if !strategies.wants_light_walk()
         || !start_light(&context, light, max_depth, &sampler, counters)
     {
-        light.restart(EndPoint::NONE, sensor.stack.region(), None, 0.0);
+        light.restart(EndPoint::NONE, &sensor.stack, None, 0.0);
     }
 
     let margin = sensor.filter.margin();
@@ -312,7 +313,7 @@ pub fn sample_and_merge(
         out: contributions,
         scratch,
     };
-    joiner.direct_to_detector(camera, start.weight);
+    joiner.direct_to_detector(camera, weight);
     let mut hits = camera.light_hits.iter().peekable();
     for j in 0..camera.vertices.len() {
         if let Some(hit) = hits.next_if(|hit| hit.vertex == j) {
@@ -377,13 +378,12 @@ pub(super) fn start_light(
         return false;
     };
     let stack = scene.light_stack(id);
-    path.restart(
-        emission.x0,
-        stack.region(),
-        Some(id),
-        probability * emission.pdf_x0,
-    );
+    path.restart(emission.x0, stack, Some(id), probability * emission.pdf_x0);
     let x0 = emission.x0;
+    let exposure = scene.exposure(&x0);
+    if exposure == 0.0 {
+        return false;
+    }
     let weight: SampledSpectrum = emission.weight;
     walk(
         context,
@@ -391,7 +391,7 @@ pub(super) fn start_light(
         Start {
             ray: Ray::leaving(emission.origin, emission.direction, x0.surface),
             stack: stack.clone(),
-            throughput: Throughput::splat(1.0 / probability).times(&weight),
+            throughput: Throughput::splat(exposure / probability).times(&weight),
             pdf: emission.pdf_direction,
             infinite: x0.infinite,
             generate: Side::Camera,

@@ -79,6 +79,7 @@ impl SceneBuilder {
                 objects: Vec::new(),
                 lights: Vec::new(),
                 sensors: Vec::new(),
+                named_media: Vec::new(),
                 wavelengths: WavelengthSettings {
                     choice: WavelengthChoice::Scene,
                     range_nm: RANGE_NM,

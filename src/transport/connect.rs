@@ -23,7 +23,7 @@ use super::strategies::StrategySet;
 use super::subpath::{Subpath, Vertex};
 use crate::geometry::{DirectionalDensity, EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
-use crate::medium::Region;
+use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use end::EndLabels;
@@ -104,7 +104,7 @@ impl<'a> Joiner<'a> {
         &mut self,
         numerator: &Numerator,
         candidate: &Candidate,
-        segment: Option<(&Ray, &Region)>,
+        segment: Option<(&Ray, &MediumStack)>,
     ) {
         let view = &candidate.view;
         if self.skip_point_images && !view.hittable_light && view.is_all_specular() {
@@ -134,7 +134,7 @@ impl<'a> Joiner<'a> {
             return;
         }
         let mut survival = 1.0;
-        if let Some((ray, region)) = segment {
+        if let Some((ray, stack)) = segment {
             let threshold = self.context.pass.roulette_threshold;
             if threshold > 0.0 {
                 let brightness = self.context.response.brightness(&lanes);
@@ -148,7 +148,7 @@ impl<'a> Joiner<'a> {
                     }
                 }
             }
-            let visibility = self.context.visibility(ray, region, self.counters);
+            let visibility = self.context.visibility(ray, stack, self.counters);
             if visibility == 0.0 {
                 return;
             }
@@ -244,7 +244,7 @@ impl<'a> Joiner<'a> {
         if !sides_agree {
             return;
         }
-        if a.region(w).medium != b.region(-w).medium {
+        if a.medium(w) != b.medium(-w) {
             // most such pairs are simply on different sides of an interface: no path joins them
             return;
         }

@@ -11,6 +11,7 @@ mod gltf;
 mod animated;
 mod cases;
 mod closed_forms;
+mod contact;
 mod determinism;
 mod equality;
 mod hard_cases;

@@ -72,7 +72,7 @@ impl Places {
     #[must_use]
     pub fn build_error(&self, path: &Path, error: &BuildError) -> SceneFileErrors {
         let place = error.subject().and_then(|subject| match subject {
-            Subject::Emission(i) => self.objects.get(i),
+            Subject::Emission(i) | Subject::Object(i) => self.objects.get(i),
             Subject::Light(i) => self.lights.get(i),
             Subject::Sensor(i) => self.sensors.get(i),
         });

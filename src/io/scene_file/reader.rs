@@ -15,6 +15,7 @@ use crate::geometry::Shutter;
 use crate::io::files::{self, FileProblem};
 use crate::math::hash::{combine, hash_bytes};
 use crate::medium::MediumId;
+use crate::scene::Subject;
 use crate::scene::settings::FilterKind;
 use crate::spectrum::library::{Library, LibraryError};
 use crate::texture::Image;
@@ -72,6 +73,10 @@ pub struct Reader<'s> {
     pub warnings: Vec<String>,
     /// What was not understood of other files, one line each.
     pub notes: Vec<String>,
+    /// The media that emissions, lights and sensors are said to be in.
+    pub named_media: Vec<(Subject, MediumId)>,
+    /// Those of sensors, by index, which are looked up once media are known.
+    pub sensor_media: Vec<(usize, At<MediumName>)>,
     /// Hashes of the files that were read, in the order in which they are named.
     pub file_hashes: Vec<u64>,
     /// Number of these when `[[object]]` is reached.
@@ -106,6 +111,8 @@ impl<'s> Reader<'s> {
             moves: false,
             warnings: Vec::new(),
             notes: Vec::new(),
+            named_media: Vec::new(),
+            sensor_media: Vec::new(),
             file_hashes: Vec::new(),
             files_before_objects: 0,
             hash_of_file: BTreeMap::new(),

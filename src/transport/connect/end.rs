@@ -9,7 +9,7 @@ use super::{Candidate, Joiner, Numerator};
 use crate::bsdf::Label;
 use crate::geometry::{EndPoint, Ray};
 use crate::light::{HitMeasure, Light};
-use crate::medium::Region;
+use crate::medium::MediumStack;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Column, Departure, Edge, EdgeDensity, PathView, VertexDensity};
@@ -120,8 +120,8 @@ pub(super) struct End<'p> {
     pub columns: &'p [Column],
     pub labels: &'p [EndLabel],
     pub point: EndPoint,
-    /// Medium of the edge at this end.
-    pub region: Region,
+    /// The solids the edge is in at this end.
+    pub stack: &'p MediumStack,
     pub receiver: Receiver,
     /// Jacobian from solid angle here to the measure of the vertex before; 0 where there is none.
     pub before: f64,
@@ -147,13 +147,18 @@ pub(super) struct End<'p> {
 
 impl<'p> End<'p> {
     /// An end point of weight 1.
-    pub fn start(start: &'p EndStart, point: EndPoint, region: Region, receiver: Receiver) -> Self {
+    pub fn start(
+        start: &'p EndStart,
+        point: EndPoint,
+        stack: &'p MediumStack,
+        receiver: Receiver,
+    ) -> Self {
         Self {
             path: std::slice::from_ref(&start.density),
             columns: &[],
             labels: std::slice::from_ref(&start.label),
             point,
-            region,
+            stack,
             receiver,
             before: 0.0,
             weight: Throughput::splat(1.0),
@@ -205,7 +210,7 @@ impl Joiner<'_> {
             columns: &path.columns,
             labels,
             point: vertex.end_point(),
-            region: *vertex.region(w),
+            stack: path.stack(i, w),
             receiver: Receiver::Area { cos: geometric_cos },
             before: self.before_factor(path, i),
             weight: vertex.throughput,
@@ -282,7 +287,7 @@ impl Joiner<'_> {
         };
         let ray =
             Ray::leaving(from.point.p, w, from.point.surface).ending(distance, to.point.surface);
-        let medium = from.region.medium;
+        let medium = from.stack.medium();
         let (value, probability) = match light.emission {
             Some(emission) => emission,
             None => (self.context.eta_squared(medium), 1.0),
@@ -336,7 +341,7 @@ impl Joiner<'_> {
             self.finish(
                 &numerator,
                 &Candidate { view, target },
-                Some((&ray, &from.region)),
+                Some((&ray, from.stack)),
             );
         }
     }
