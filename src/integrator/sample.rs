@@ -304,6 +304,7 @@ pub fn sample_and_merge(
         context: &context,
         strategies: &strategies,
         max_depth,
+        raster,
         skip_point_images: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: job.with_raw,
         detailed: job.detailed,

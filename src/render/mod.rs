@@ -14,6 +14,7 @@ pub mod pilot;
 pub mod session;
 pub mod stop;
 pub mod table;
+pub mod variance;
 
 pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;
@@ -30,7 +31,7 @@ use crate::scene::regularization::Decision;
 use crate::scene::{Scene, Settings};
 use crate::transport::photons::bytes_per_vertex;
 use crate::transport::regularize::scheduled_epsilon;
-use crate::transport::{Cone, Counters, PassSettings, PhotonMap};
+use crate::transport::{Cone, Counters, Factors, PassSettings, PhotonMap};
 use pass::{PassCounts, Watch};
 use std::sync::Arc;
 
@@ -46,6 +47,8 @@ pub struct Render {
     outputs: Outputs,
     /// ε₁ of regularized renders.
     epsilon: Option<EpsilonChoice>,
+    /// Variance factors of the weights, where they have any.
+    factors: Option<Factors>,
     /// r₁ of renders with merging.
     radius: Option<RadiusChoice>,
     /// Bytes of the largest photon map so far.
@@ -77,6 +80,7 @@ impl Render {
         let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
         let merges = frame.strategies.merge.is_some();
         let radius = merges.then(|| merging::choose_radius(&frame, outputs.response));
+        let factors = variance::has_factors(&frame).then(|| variance::by_rule(&frame, crop));
         let roulette_threshold = pilot::roulette_threshold(&frame, cone, outputs.response);
         Self {
             scene: Arc::clone(scene),
@@ -87,6 +91,7 @@ impl Render {
             regularization: frame.regularization,
             outputs,
             epsilon,
+            factors,
             radius,
             photon_bytes: 0,
             roulette_threshold,
@@ -122,7 +127,20 @@ impl Render {
             request,
             ..
         } = self;
-        frame(scene, self.sensor, settings, crop, request)
+        let mut frame = frame(scene, self.sensor, settings, crop, request);
+        frame.strategies.factors = self.factors.as_ref();
+        frame
+    }
+
+    /// Variance factors of the weights, where they have any.
+    #[must_use]
+    pub fn factors(&self) -> Option<&Factors> {
+        self.factors.as_ref()
+    }
+
+    /// Weights by other variance factors than those found: for tests and studies, before the first pass.
+    pub fn set_factors(&mut self, factors: Option<Factors>) {
+        self.factors = factors;
     }
 
     /// The settings of pass `index`.

@@ -27,7 +27,7 @@ use crate::medium::Region;
 use crate::sampler::{Draw, Sampler};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use end::EndLabels;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Joins the two sub-paths of one sample and collects what they give.
 #[derive(Debug)]
@@ -38,6 +38,8 @@ pub struct Joiner<'a> {
     pub strategies: &'a StrategySet<'a>,
     /// At most this many scattering vertices on a path.
     pub max_depth: usize,
+    /// Where on the film the camera sub-path starts.
+    pub raster: DVec2,
     /// All-specular paths between a delta light and a pinhole are left out: an image of measure
     /// zero.
     pub skip_point_images: bool,
