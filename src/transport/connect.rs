@@ -177,6 +177,7 @@ impl<'a> Joiner<'a> {
             t: view.camera.len() as u32,
             regularized: multipliers.regularized(s) as u8,
             merged: false,
+            emitter: view.emitter,
             class: if self.detailed {
                 PathClass::of(view)
             } else {
