@@ -6,7 +6,7 @@
 use super::clock::PassTime;
 use super::forecast::{ErrorHistory, Forecast};
 use super::pass::{TileObserver, Tiles, Watch};
-use super::{Cancel, OutputRequest, Outputs, Render, StopReason, StopRules};
+use super::{Cancel, OutputRequest, Outputs, PilotPasses, Render, StopReason, StopRules};
 use crate::film::{AddSumsError, Crop};
 use crate::scene::{Scene, Settings};
 use std::cell::LazyCell;
@@ -192,6 +192,11 @@ impl Session {
         self.restored.extend(passes);
         self.skip_restored();
         Ok(())
+    }
+
+    /// Finds the variance factors of the weights as the render did whose passes are to be restored.
+    pub fn repeat_pilot(&mut self, passes: PilotPasses) {
+        self.view.write().repeat_pilot(passes);
     }
 
     /// Number of passes that are left, if nothing ends the session before.

@@ -3,7 +3,7 @@
 //! A pilot renders a lattice of pixels in [`GROUPS`] independent groups of consecutive passes, by the strategies of the pixel's
 //! own that take camera sub-paths alone; those that take light sub-paths count in the weights and are not made. Of each
 //! strategy and key of paths it knows the second moment of a pass and the variance of a group's mean, which sees that passes are
-//! stratified. [theory (2.7), (2.8)]
+//! stratified. [theory (2.8), (2.10)]
 //!
 //! Invariant: a function of scene, sensor, crop and settings without the seed and of a number of passes, counted and never timed,
 //! whatever the threads, so that all parts of a render agree.
@@ -33,8 +33,13 @@ const SIDE: u32 = 16;
 const MOST_CELLS: usize = 4096;
 /// Largest factor.
 const MOST: f64 = 1024.0;
-/// So many non-zero samples behind a factor halve what it is above 1.
+/// So many non-zero samples behind a factor halve its distance to the rule's.
 const PRIOR_SAMPLES: f64 = 32.0;
+/// Growth of a factor from a group of four passes to a render of sixteen, at most.
+const MOST_GROWTH: f64 = 4.0;
+/// Share of the standard deviation that a pass leaves in a pixel, below which contributions meet roulette before their shadow
+/// ray.
+const ROULETTE_SHARE: f64 = 0.05;
 /// Numbers that are kept, at most.
 const MOST_VALUES: usize = 1 << 21;
 /// Passes of a group of a render of at least so many samples per pixel: the pilot takes a sixteenth of the pixels in
@@ -46,6 +51,13 @@ const PASSES: [(u32, u32); 2] = [(16, 4), (4, 1)];
 pub struct PilotPasses(pub u32);
 
 impl PilotPasses {
+    /// This length, if it is one that renders have.
+    #[must_use]
+    pub fn known(passes: u32) -> Option<Self> {
+        let lengths = PASSES.iter().map(|(_, passes)| *passes).chain([0]);
+        lengths.into_iter().find(|&p| p == passes).map(Self)
+    }
+
     /// For a render of so many samples per pixel.
     #[must_use]
     pub fn of(spp: u32) -> Self {
@@ -125,6 +137,7 @@ pub fn choose(
     });
     let pilot = Pilot {
         groups: groups.collect(),
+        is_image: !frame.strategies.hittable_sensor,
         cells,
         crop,
         cone,
@@ -143,10 +156,8 @@ fn by_rule(frame: &SensorJob, crop: Crop) -> VarianceFactors {
     });
     let mut found = Vec::new();
     if !frame.strategies.hittable_sensor {
-        let mut class = PathClass::new();
-        class.push(false);
         for light in 0..frame.scene.lights.len() {
-            if let Some(key) = FactorKey::new(LightId(light as u32), class) {
+            if let Some(key) = FactorKey::new(LightId(light as u32), direct_class()) {
                 // s = 0 and 1 are the pixel's own, 2 is a splat
                 factors
                     .insert(key, &[DIRECT, DIRECT, 1.0])
@@ -161,6 +172,13 @@ fn by_rule(frame: &SensorJob, crop: Crop) -> VarianceFactors {
         samples: 0,
         found,
     }
+}
+
+/// LDE.
+fn direct_class() -> PathClass {
+    let mut class = PathClass::new();
+    class.push(false);
+    class
 }
 
 fn cells(crop: Crop) -> Cells {
@@ -195,6 +213,8 @@ struct CellSums {
     moment: f64,
     /// Variance of the mean of a group.
     variance: f64,
+    /// The same had its passes been independent.
+    unstratified: f64,
     /// Passes in which it gave anything.
     hits: f64,
 }
@@ -203,27 +223,50 @@ impl CellSums {
     fn add(&mut self, other: &Self, weight: f64) {
         self.moment += weight * other.moment;
         self.variance += weight * other.variance;
+        self.unstratified += weight * other.unstratified;
         self.hits += weight * other.hits;
     }
 
-    /// v as a power of two: shrunk where few samples stand behind it, and never more than there are.
-    fn factor(&self) -> f32 {
-        if self.hits == 0.0 {
-            return 1.0;
-        }
-        let most = MOST.min(self.hits);
-        let found = if self.moment < most * self.variance {
-            self.moment / self.variance
+    /// v as a power of two, for four times the passes of a group: shrunk to `prior` where few samples stand behind it, and
+    /// never more than there are.
+    fn factor(&self, prior: f64) -> f32 {
+        let most = MOST.min(self.hits).max(prior);
+        // stratified passes scatter ever less than independent ones
+        let growth = if self.unstratified < MOST_GROWTH * self.variance {
+            (self.unstratified / self.variance).max(1.0)
+        } else {
+            MOST_GROWTH
+        };
+        let found = if self.moment * growth < most * self.variance {
+            growth * self.moment / self.variance
         } else {
             most
         };
-        let shrunk = 1.0 + (found - 1.0) * self.hits / (self.hits + PRIOR_SAMPLES);
+        let shrunk = (self.hits * found + PRIOR_SAMPLES * prior) / (self.hits + PRIOR_SAMPLES);
         2.0_f64.powi(shrunk.max(1.0).log2().round() as i32) as f32
     }
 }
 
+/// Results of one cell.
+#[derive(Debug, Default)]
+struct CellFound {
+    samples: u64,
+    sums: BTreeMap<Strategy, CellSums>,
+    /// Variance that a pass leaves in a pixel, of all that is its own; mean over the pixels.
+    noise: f64,
+}
+
+/// Unbiased variance of independent values.
+fn variance(values: &[f64; GROUPS]) -> f64 {
+    let mean = values.iter().sum::<f64>() / GROUPS as f64;
+    let scatter: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    scatter / (GROUPS - 1) as f64
+}
+
 struct Pilot<'a> {
     groups: Vec<SensorJob<'a>>,
+    /// The sensor is no detector.
+    is_image: bool,
     cells: Cells,
     crop: Crop,
     cone: Option<Cone>,
@@ -234,17 +277,21 @@ struct Pilot<'a> {
 impl Pilot<'_> {
     fn run(&self) -> VarianceFactors {
         // cell by cell, and within each in order, so that sums do not depend on threads
-        let cells: Vec<(u64, BTreeMap<Strategy, CellSums>)> = (0..self.cells.count())
+        let cells: Vec<CellFound> = (0..self.cells.count())
             .into_par_iter()
             .map_init(Workspace::default, |workspace, cell| {
                 self.cell(cell, workspace)
             })
             .collect();
-        let samples = cells.iter().map(|c| c.0).sum();
+        let samples = cells.iter().map(|c| c.samples).sum();
+        let thresholds = cells
+            .iter()
+            .map(|c| (ROULETTE_SHARE * c.noise.sqrt()) as f32);
+        let thresholds: Vec<f32> = thresholds.collect();
         // by key, cell and strategy
         let mut kinds: BTreeMap<FactorKey, BTreeMap<(usize, u32), CellSums>> = BTreeMap::new();
-        for (cell, (_, sums)) in cells.into_iter().enumerate() {
-            for ((key, s), sums) in sums {
+        for (cell, found) in cells.into_iter().enumerate() {
+            for ((key, s), sums) in found.sums {
                 kinds.entry(key).or_default().insert((cell, s), sums);
             }
         }
@@ -255,6 +302,9 @@ impl Pilot<'_> {
             kinds.iter().map(|(key, k)| (hits(k), *key)).collect();
         order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut factors = Factors::new(self.cells);
+        factors
+            .bound_roulette(thresholds)
+            .expect("invariant: thresholds of all cells");
         let mut found = Vec::new();
         let mut left = MOST_VALUES;
         for (_, key) in order {
@@ -280,6 +330,7 @@ impl Pilot<'_> {
     fn factors(&self, kind: &BTreeMap<(usize, u32), CellSums>, key: FactorKey) -> Vec<f32> {
         let (columns, rows) = (self.cells.columns() as i64, self.cells.rows() as i64);
         let mut out = Vec::with_capacity(self.cells.count() * key.strategies());
+        let by_rule = self.is_image && key.class() == direct_class();
         for (row, column) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
             for s in 0..key.strategies() as u32 {
                 let mut sums = CellSums::default();
@@ -292,7 +343,12 @@ impl Pilot<'_> {
                         }
                     }
                 }
-                out.push(sums.factor());
+                let prior = if by_rule && s < 2 {
+                    f64::from(DIRECT)
+                } else {
+                    1.0
+                };
+                out.push(sums.factor(prior));
             }
         }
         out
@@ -316,12 +372,14 @@ impl Pilot<'_> {
             .filter(move |&(x, y)| crop.contains(x, y))
     }
 
-    /// Samples taken in a cell, and its sums.
-    fn cell(&self, cell: usize, workspace: &mut Workspace) -> (u64, BTreeMap<Strategy, CellSums>) {
-        let (mut samples, mut out) = (0, BTreeMap::new());
+    fn cell(&self, cell: usize, workspace: &mut Workspace) -> CellFound {
+        let mut out = CellFound::default();
         let mut sums: Vec<PixelSums> = Vec::new();
+        let mut pixels = 0.0;
         for pixel in self.pixels(cell) {
+            pixels += 1.0;
             sums.clear();
+            let mut all = [0.0; GROUPS];
             for (group, job) in self.groups.iter().enumerate() {
                 for index in 0..self.passes {
                     let pass = PassSettings {
@@ -329,15 +387,18 @@ impl Pilot<'_> {
                         cone: self.cone,
                         ..PassSettings::default()
                     };
-                    samples += 1;
+                    out.samples += 1;
                     let response = sample_pixel(job, &pass, pixel, self.response, workspace);
                     for made in &workspace.contributions {
-                        let key = FactorKey::new(made.emitter, made.class);
-                        let (Target::OwnPixel, Some(key)) = (made.target, key) else {
+                        if made.target != Target::OwnPixel {
+                            continue;
+                        }
+                        let value = response.brightness(&made.lanes);
+                        all[group] += value;
+                        let Some(key) = FactorKey::new(made.emitter, made.class) else {
                             continue;
                         };
                         let strategy = (key, made.s);
-                        let value = response.brightness(&made.lanes);
                         match sums.iter_mut().find(|sum| sum.strategy == strategy) {
                             Some(sum) => sum.value += value,
                             None => sums.push(PixelSums {
@@ -358,20 +419,25 @@ impl Pilot<'_> {
                 }
             }
             for sum in &sums {
-                let in_cell: &mut CellSums = out.entry(sum.strategy).or_default();
+                let in_cell = out.sums.entry(sum.strategy).or_default();
                 in_cell.add(&self.of_pixel(sum), 1.0);
             }
+            // of the mean of a group, times its passes: of one pass
+            out.noise += variance(&all) / f64::from(self.passes);
         }
-        (samples, out)
+        out.noise /= pixels;
+        out
     }
 
     fn of_pixel(&self, sum: &PixelSums) -> CellSums {
-        let (groups, passes) = (GROUPS as f64, f64::from(self.passes));
-        let mean = sum.groups.iter().sum::<f64>() / groups;
-        let scatter: f64 = sum.groups.iter().map(|v| (v - mean).powi(2)).sum();
+        let passes = f64::from(self.passes);
+        let all = GROUPS as f64 * passes;
+        let mean = sum.groups.iter().sum::<f64>() / all;
+        let of_pass = (sum.squares / all - mean * mean) * all / (all - 1.0);
         CellSums {
-            moment: sum.squares / (groups * passes * passes),
-            variance: scatter / ((groups - 1.0) * passes * passes),
+            moment: sum.squares / (all * passes),
+            variance: variance(&sum.groups) / (passes * passes),
+            unstratified: of_pass.max(0.0) / passes,
             hits: f64::from(sum.hits),
         }
     }
@@ -386,26 +452,47 @@ mod tests {
     fn short_renders_have_a_short_pilot() {
         let of = |spp| PilotPasses::of(spp).0;
         assert_eq!([1, 3, 4, 15, 16, 4096].map(of), [0, 0, 1, 1, 4, 4]);
+        assert_eq!(PilotPasses::known(4), Some(PilotPasses(4)));
+        assert_eq!(PilotPasses::known(3), None);
     }
 
     #[test]
     fn factors_are_shrunk_and_capped() {
         let factor = |moment, variance, hits| {
-            CellSums {
+            let sums = CellSums {
                 moment,
                 variance,
+                unstratified: variance,
                 hits,
-            }
-            .factor()
+            };
+            [sums.factor(1.0), sums.factor(16.0)]
         };
-        assert_eq!(factor(0.0, 0.0, 0.0), 1.0);
-        // 64 of 96 samples: 1 + 15 · 2/3 is 11, of which the nearest power of two is 8
-        assert_eq!(factor(16.0, 1.0, 64.0), 8.0);
-        assert_eq!(factor(16.0, 1.0, 1e6), 16.0);
-        assert_eq!(factor(1.0, 16.0, 1e6), 1.0);
+        // without a sample, the rule's
+        assert_eq!(factor(0.0, 0.0, 0.0), [1.0, 16.0]);
+        // (64 · 16 + 32) / 96 is 11, of which the nearest power of two is 8
+        assert_eq!(factor(16.0, 1.0, 64.0), [8.0, 16.0]);
+        assert_eq!(factor(16.0, 1.0, 1e6), [16.0; 2]);
+        assert_eq!(factor(1.0, 16.0, 1e6), [1.0; 2]);
         // no more than samples, no more than the cap, however quiet
-        assert_eq!(factor(1.0, 0.0, 2.0), 1.0);
-        assert_eq!(factor(1.0, 0.0, 1e6), 1024.0);
+        assert_eq!(factor(1.0, 0.0, 2.0), [1.0, 16.0]);
+        assert_eq!(factor(1.0, 0.0, 1e6), [1024.0; 2]);
+    }
+
+    #[test]
+    fn stratified_passes_scatter_less_in_a_longer_render() {
+        let factor = |unstratified| {
+            let sums = CellSums {
+                moment: 16.0,
+                variance: 1.0,
+                unstratified,
+                hits: 1e6,
+            };
+            sums.factor(1.0)
+        };
+        assert_eq!(
+            [0.5, 1.0, 2.0, 4.0, 16.0].map(factor),
+            [16.0, 16.0, 32.0, 64.0, 64.0]
+        );
     }
 
     #[test]

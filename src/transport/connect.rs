@@ -137,7 +137,12 @@ impl<'a> Joiner<'a> {
         }
         let mut survival = 1.0;
         if let Some((ray, region)) = segment {
+            let bound = self
+                .strategies
+                .factors
+                .map(|f| f.roulette_bound(view.raster));
             let threshold = self.context.pass.roulette_threshold;
+            let threshold = bound.map_or(threshold, |bound| threshold.min(bound));
             if threshold > 0.0 {
                 let brightness = self.context.response.brightness(&lanes);
                 if brightness < threshold {

@@ -104,6 +104,8 @@ pub struct Factors {
     first: Vec<u32>,
     /// Key by key, cell by cell, strategy s = 0, 1, ...
     values: Vec<f32>,
+    /// Cell by cell; empty: no bounds.
+    roulette: Vec<f32>,
 }
 
 impl Factors {
@@ -114,6 +116,7 @@ impl Factors {
             cells,
             first: Vec::new(),
             values: Vec::new(),
+            roulette: Vec::new(),
         }
     }
 
@@ -137,6 +140,29 @@ impl Factors {
         self.first[key.number()] = self.values.len() as u32;
         self.values.extend_from_slice(values);
         Ok(())
+    }
+
+    /// Sets the largest roulette threshold of each cell, in Y.
+    ///
+    /// # Errors
+    /// The number of cells where there are other than so many.
+    pub fn bound_roulette(&mut self, thresholds: Vec<f32>) -> Result<(), usize> {
+        if thresholds.len() != self.cells.count() {
+            return Err(self.cells.count());
+        }
+        self.roulette = thresholds;
+        Ok(())
+    }
+
+    /// Largest roulette threshold at a raster position, in Y: where a pixel is quiet, small
+    /// contributions are not worth the noise of a game.
+    #[must_use]
+    pub fn roulette_bound(&self, raster: DVec2) -> f64 {
+        if self.roulette.is_empty() {
+            f64::INFINITY
+        } else {
+            f64::from(self.roulette[self.cells.at(raster)])
+        }
     }
 
     /// Factors of the strategies s = 0, 1, ... of a path of this key that lies at `raster`; those
@@ -207,6 +233,10 @@ mod tests {
             factors.of(keys[3], DVec2::new(99.0, 99.0)),
             [313.0, 314.0, 315.0, 316.0]
         );
+        assert_eq!(factors.roulette_bound(DVec2::new(9.0, 5.0)), f64::INFINITY);
+        assert_eq!(factors.bound_roulette(vec![1.0]), Err(4));
+        assert_eq!(factors.bound_roulette(vec![1.0, 2.0, 3.0, 4.0]), Ok(()));
+        assert_eq!(factors.roulette_bound(DVec2::new(24.5, 5.0)), 2.0);
         assert_eq!(factors.insert(keys[1], &[1.0]), Err(12));
         assert_eq!(factors.insert(keys[1], &[0.0; 12]), Err(12));
     }

@@ -13,7 +13,7 @@ pub mod factors;
 pub mod merge;
 pub mod mis;
 #[cfg(test)]
-mod oracle;
+pub(crate) mod oracle;
 pub mod photons;
 #[cfg(test)]
 pub mod record;

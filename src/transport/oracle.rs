@@ -17,17 +17,17 @@ use glam::DVec2;
 use std::collections::BTreeSet;
 
 /// All densities of a finished path, from both sides and for every lane.
-struct FullPath {
-    pf: Vec<Column>,
-    pr: Vec<Column>,
-    direct: f64,
-    specular: Vec<bool>,
-    dispersive: Vec<bool>,
+pub(crate) struct FullPath {
+    pub pf: Vec<Column>,
+    pub pr: Vec<Column>,
+    pub direct: f64,
+    pub specular: Vec<bool>,
+    pub dispersive: Vec<bool>,
     /// Of the edge before each vertex.
-    lengths: Vec<f32>,
-    hittable_light: bool,
-    emitter: LightId,
-    raster: DVec2,
+    pub lengths: Vec<f32>,
+    pub hittable_light: bool,
+    pub emitter: LightId,
+    pub raster: DVec2,
 }
 
 struct Random {
@@ -220,6 +220,15 @@ impl FullPath {
         })
     }
 
+    /// Sum of the weights of all strategies that can make the path, each as that strategy sees it.
+    pub fn weight_sum(&self, strategies: &StrategySet) -> f64 {
+        let one = WavelengthDistribution::uniform([360.0, 830.0]).sample(0.5, 1);
+        (0..=self.len())
+            .filter(|&s| self.density(s, 0) > 0.0)
+            .map(|s| self.seen_by(s, |view| weight(&Multipliers::new(view, strategies), &one)))
+            .sum()
+    }
+
     fn regularized(&self, s: usize) -> i32 {
         if s == 0 || s == self.len() {
             0
@@ -324,7 +333,7 @@ fn random_factor(emitter: LightId, labels: &[bool], raster: DVec2, s: usize) -> 
 }
 
 /// The same for every class of three lights.
-fn random_factors() -> Factors {
+pub(crate) fn random_factors() -> Factors {
     let mut factors = Factors::new(Cells {
         first: [0; 2],
         size: [CELLS * CELL; 2],

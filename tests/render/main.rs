@@ -21,3 +21,4 @@ mod motion;
 mod regularized;
 mod scale;
 mod session;
+mod weights;
