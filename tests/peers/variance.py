@@ -8,7 +8,7 @@
 
 PROGRAM is an older abbe to compare with (without it, this one under the balance heuristic is). Every variant renders every scene
 with the same seeds in turn, box filter, one thread. CPU time is the user time of the process less that of loading the scene, so
-other load on the machine matters little. Figures are variances over the seeds, per pixel over (reference^2 + .01) of an image
+other load on the machine matters little; of the seeds the least time counts. Figures are variances over the seeds, per pixel over (reference^2 + .01) of an image
 scaled to mean 1, times CPU seconds: of all pixels, of all but the worst .1 %, of the median pixel; and of the paths of direct and
 once scattered light (LDE, LDDE) alone, mean and median. The reference is the mean of all images of this program but those of
 `path`. Printed are the ratios of each variant to the base and to `path`; below 1 the variant is better. Run by hand; it is no
@@ -123,7 +123,7 @@ def main():
                         results[variant.name][1].append(seconds - loading)
                 whole = [images for v in variants if v.name not in ("base", "path") for images in results[v.name][0]]
                 references = [np.mean([images[layer] for images in whole], axis=0) for layer in (0, 1)]
-                rows = {name: figures(images, *references, np.median(times)) for name, (images, times) in results.items()}
+                rows = {name: figures(images, *references, min(times)) for name, (images, times) in results.items()}
                 for name, (values, seconds) in rows.items():
                     ratios = [[v / o if o else float("nan") for v, o in zip(values, rows[other][0])] for other in ("base", "path")]
                     found.append(dict(scene=scene, mode=mode, spp=spp, variant=name, seconds=seconds, values=values, ratios=ratios))

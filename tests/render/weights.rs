@@ -114,7 +114,7 @@ fn mean(
 #[test]
 fn every_weighting_has_the_same_mean() {
     let (scene, settings) = scene(ROOM);
-    let passes = 192 * test_scale();
+    let passes = 40 * test_scale();
     let factors = random_factors(&scene);
     let path = Settings {
         integrator: IntegratorKind::Path,
