@@ -54,6 +54,9 @@ pub fn regularization(render: &Render) -> String {
             "epsilon", "", choice.epsilon, choice.reason
         );
     }
+    if let Some(found) = render.factors() {
+        _ = writeln!(text, "  {:<14} {:<4} {found}", "weights", "");
+    }
     text
 }
 

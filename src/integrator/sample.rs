@@ -41,6 +41,9 @@ pub struct SensorJob<'a> {
     pub with_raw: bool,
     /// Note every merged photon on its own (for what is kept by path class).
     pub detailed: bool,
+    /// Light sub-paths are not traced, as if none had left its light: the strategies that take them
+    /// count in the weights and make nothing (pilots).
+    pub camera_only: bool,
     /// Light sub-paths of a pass, by the wavelength of its set that is their hero.
     light_paths: Vec<u64>,
 }
@@ -77,6 +80,7 @@ impl<'a> SensorJob<'a> {
             regularization: decision,
             with_raw,
             detailed: with_raw,
+            camera_only: false,
             light_paths: light_paths(crop, heroes),
         }
     }
@@ -294,7 +298,8 @@ pub fn sample_and_merge(
             },
         );
     }
-    if !strategies.wants_light_walk()
+    if job.camera_only
+        || !strategies.wants_light_walk()
         || !start_light(&context, light, max_depth, &sampler, counters)
     {
         light.restart(EndPoint::NONE, &sensor.stack, None, 0.0);
@@ -305,6 +310,7 @@ pub fn sample_and_merge(
         context: &context,
         strategies: &strategies,
         max_depth,
+        raster,
         skip_point_images: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: job.with_raw,
         detailed: job.detailed,

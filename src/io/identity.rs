@@ -89,6 +89,7 @@ pub fn header(render: &Render) -> PartHeader {
         height: size.height,
         crop: [crop.x0, crop.y0, crop.x1, crop.y1],
         channels: 3,
+        pilot: render.factors().map_or(0, |found| found.passes.0),
         image: BTreeMap::from_iter(named),
         passes: pass_ranges(render.passes(), settings.seed),
     }

@@ -8,7 +8,7 @@ use super::files::read_regular;
 use super::identity;
 use crate::film::Crop;
 use crate::math::hash::hash_bytes;
-use crate::render::{Render, Session};
+use crate::render::{PilotPasses, Render, Session};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -16,7 +16,8 @@ use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 8] = *b"abbepart";
 /// 1 hashed settings by the names of this program's code, and its sums took random numbers in their order of use.
-const VERSION: u32 = 2;
+/// 2 did not say how the variance factors of its weights were found.
+const VERSION: u32 = 3;
 /// Before the header: magic, version, header length.
 const PREFIX: usize = 16;
 const CHECKSUM: usize = 8;
@@ -60,6 +61,8 @@ pub struct PartHeader {
     pub crop: [u32; 4],
     /// Channels per pixel.
     pub channels: u32,
+    /// Passes per group of the pilot that found the variance factors of the weights; 0: by rule, or none.
+    pub pilot: u32,
     /// What the image says of its settings: attribute and text.
     pub image: BTreeMap<String, String>,
     /// Passes in the sums: sorted, disjoint, not touching.
@@ -187,6 +190,15 @@ pub fn resume(session: &mut Session, path: &Path) -> Result<(), PartError> {
         message,
     };
     let Part { header, sums } = read(path)?;
+    {
+        // weights as they were, also where this render is longer
+        let pilot = session.render().factors().map(|found| found.passes);
+        if pilot.is_some_and(|passes| passes.0 != header.pilot) {
+            let passes = PilotPasses::known(header.pilot)
+                .ok_or_else(|| refused(format!("it names a pilot of {} passes", header.pilot)))?;
+            session.repeat_pilot(passes);
+        }
+    }
     let (expected, seed) = {
         let render = session.render();
         (identity::header(&render), render.settings().seed)
@@ -369,7 +381,12 @@ fn check_same(a: &PartHeader, b: &PartHeader) -> Result<(), PartError> {
         format!("{} x {}", b.width, b.height),
     )?;
     differ("crop", format!("{:?}", a.crop), format!("{:?}", b.crop))?;
-    differ("channels", a.channels.to_string(), b.channels.to_string())
+    differ("channels", a.channels.to_string(), b.channels.to_string())?;
+    differ(
+        "passes of the pilot",
+        a.pilot.to_string(),
+        b.pilot.to_string(),
+    )
 }
 
 /// The union of two lists of ranges: sorted, touching ranges joined.
@@ -412,6 +429,7 @@ mod tests {
             height: 3,
             crop: [1, 0, 3, 2],
             channels: 3,
+            pilot: 0,
             image: BTreeMap::from([("integrator".to_owned(), "bdpt".to_owned())]),
             passes: vec![PassRange { seed, start, end }],
         };
@@ -480,11 +498,11 @@ mod tests {
         let dir = tempfile::tempdir().expect("temporary folder");
         let path = dir.path().join("old.part");
         let mut bytes = encode(&part(1, 0, 2, 5)).expect("valid");
-        bytes[8..12].copy_from_slice(&1_u32.to_le_bytes());
+        bytes[8..12].copy_from_slice(&2_u32.to_le_bytes());
         std::fs::write(&path, bytes).expect("writes");
         let message = read(&path).expect_err("refused").to_string();
         let expected = format!(
-            "{}: not a valid part file (version 1, this program reads version 2: render the passes again)",
+            "{}: not a valid part file (version 2, this program reads version 3: render the passes again)",
             path.display()
         );
         assert_eq!(message, expected);

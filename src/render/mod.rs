@@ -14,6 +14,7 @@ pub mod pilot;
 pub mod session;
 pub mod stop;
 pub mod table;
+pub mod variance;
 
 pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;
@@ -23,6 +24,7 @@ pub use pass::{TileObserver, Tiles};
 pub use session::{Progress, Session, SessionError, SessionOptions};
 pub use stop::{Cancel, StopReason, StopRules};
 pub use table::ClassTable;
+pub use variance::{PilotPasses, VarianceFactors};
 
 use crate::film::{AddSumsError, Crop};
 use crate::integrator::SensorJob;
@@ -46,6 +48,8 @@ pub struct Render {
     outputs: Outputs,
     /// ε₁ of regularized renders.
     epsilon: Option<EpsilonChoice>,
+    /// Variance factors of the weights, where they have any.
+    factors: Option<VarianceFactors>,
     /// r₁ of renders with merging.
     radius: Option<RadiusChoice>,
     /// Bytes of the largest photon map so far.
@@ -77,6 +81,9 @@ impl Render {
         let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
         let merges = frame.strategies.merge.is_some();
         let radius = merges.then(|| merging::choose_radius(&frame, outputs.response));
+        let passes = PilotPasses::of(settings.spp);
+        let factors = variance::has_factors(&frame)
+            .then(|| variance::choose(&frame, crop, cone, outputs.response, passes));
         let roulette_threshold = pilot::roulette_threshold(&frame, cone, outputs.response);
         Self {
             scene: Arc::clone(scene),
@@ -87,6 +94,7 @@ impl Render {
             regularization: frame.regularization,
             outputs,
             epsilon,
+            factors,
             radius,
             photon_bytes: 0,
             roulette_threshold,
@@ -122,7 +130,30 @@ impl Render {
             request,
             ..
         } = self;
-        frame(scene, self.sensor, settings, crop, request)
+        let mut frame = frame(scene, self.sensor, settings, crop, request);
+        frame.strategies.factors = self.factors.as_ref().map(|found| &found.factors);
+        frame
+    }
+
+    /// Variance factors of the weights, where they have any.
+    #[must_use]
+    pub fn factors(&self) -> Option<&VarianceFactors> {
+        self.factors.as_ref()
+    }
+
+    /// Finds the variance factors by a pilot of another length: that of the render whose passes this one adds to.
+    pub fn repeat_pilot(&mut self, passes: PilotPasses) {
+        let frame = self.frame();
+        let cone = self.epsilon.as_ref().map(|e| Cone::new(e.epsilon));
+        let response = self.outputs.response;
+        let found = variance::has_factors(&frame)
+            .then(|| variance::choose(&frame, self.crop, cone, response, passes));
+        self.factors = found;
+    }
+
+    /// Weights by other variance factors than those found: for tests and studies, before the first pass.
+    pub fn set_factors(&mut self, factors: Option<VarianceFactors>) {
+        self.factors = factors;
     }
 
     /// The settings of pass `index`.

@@ -6,7 +6,7 @@
 use super::clock::PassTime;
 use super::forecast::{ErrorHistory, Forecast};
 use super::pass::{TileObserver, Tiles, Watch};
-use super::{Cancel, OutputRequest, Outputs, Render, StopReason, StopRules};
+use super::{Cancel, OutputRequest, Outputs, PilotPasses, Render, StopReason, StopRules};
 use crate::film::{AddSumsError, Crop};
 use crate::scene::{Scene, Settings};
 use std::cell::LazyCell;
@@ -210,6 +210,11 @@ impl Session {
             (self.passes.end, first)
         };
         (end < start).then(|| (end, start - 1))
+    }
+
+    /// Finds the variance factors of the weights as the render did whose passes are to be restored.
+    pub fn repeat_pilot(&mut self, passes: PilotPasses) {
+        self.view.write().repeat_pilot(passes);
     }
 
     /// Number of passes that are left, if nothing ends the session before.

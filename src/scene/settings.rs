@@ -77,6 +77,9 @@ impl Default for Merging {
 named! {
     /// How strategies are weighted.
     pub enum Heuristic {
+        /// In proportion to densities times the quotient of second moment and variance, as found before the first pass; as
+        /// [`Heuristic::Balance`] where photons are merged and where sub-paths of one kind are not traced.
+        VarianceAware = "variance-aware": "As balance, and strategies that scatter less than others count more",
         /// In proportion to their densities (Veach and Guibas 1995).
         Balance = "balance": "In proportion to the densities",
         /// In proportion to the squares.
@@ -89,7 +92,7 @@ impl Heuristic {
     #[must_use]
     pub fn power(self, density: f64) -> f64 {
         match self {
-            Self::Balance => density,
+            Self::VarianceAware | Self::Balance => density,
             Self::Power2 => density * density,
         }
     }
@@ -214,7 +217,7 @@ impl Default for Settings {
             seed: 0,
             lanes: 4,
             max_depth: None,
-            heuristic: Heuristic::Balance,
+            heuristic: Heuristic::VarianceAware,
             pair_probability: 0.25,
             regularization: Regularization::default(),
             merging: Merging::default(),

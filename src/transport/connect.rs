@@ -27,7 +27,7 @@ use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use end::EndLabels;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Joins the two sub-paths of one sample and collects what they give.
 #[derive(Debug)]
@@ -38,6 +38,8 @@ pub struct Joiner<'a> {
     pub strategies: &'a StrategySet<'a>,
     /// At most this many scattering vertices on a path.
     pub max_depth: usize,
+    /// Where on the film the camera sub-path starts.
+    pub raster: DVec2,
     /// All-specular paths between a delta light and a pinhole are left out: an image of measure
     /// zero.
     pub skip_point_images: bool,
@@ -135,7 +137,12 @@ impl<'a> Joiner<'a> {
         }
         let mut survival = 1.0;
         if let Some((ray, stack)) = segment {
+            let bound = self
+                .strategies
+                .factors
+                .map(|f| f.roulette_bound(view.raster));
             let threshold = self.context.pass.roulette_threshold;
+            let threshold = bound.map_or(threshold, |bound| threshold.min(bound));
             if threshold > 0.0 {
                 let brightness = self.context.response.brightness(&lanes);
                 if brightness < threshold {
@@ -175,6 +182,7 @@ impl<'a> Joiner<'a> {
             t: view.camera.len() as u32,
             regularized: multipliers.regularized(s) as u8,
             merged: false,
+            emitter: view.emitter,
             class: if self.detailed {
                 PathClass::of(view)
             } else {

@@ -41,7 +41,8 @@ pub struct PassSettings {
     /// Wavelength and time for all paths; `None`: each path pair draws its own.
     pub shared: Option<SharedSample>,
     /// Weighted contributions below this much of Y meet Russian roulette before their shadow ray;
-    /// 0: none do.
+    /// 0: none do. Quiet cells of the film have a smaller one
+    /// ([`Factors::roulette_bound`](super::Factors::roulette_bound)).
     pub roulette_threshold: f64,
 }
 

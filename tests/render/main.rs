@@ -23,3 +23,4 @@ mod motion;
 mod regularized;
 mod scale;
 mod session;
+mod weights;

@@ -114,7 +114,7 @@ impl RenderOptions {
             ("spp", self.spp.map(|v| v.to_string())),
             ("seed", self.moment.seed(self.seed).map(|v| v.to_string())),
             ("lanes", self.lanes.clone()),
-            ("heuristic", self.heuristic.map(|v| v.to_string())),
+            ("weights", self.heuristic.map(|v| v.to_string())),
             ("regularize", self.regularize.map(|v| v.to_string())),
             ("epsilon", self.epsilon.clone()),
             ("sharing", self.sharing.map(|v| v.to_string())),

@@ -146,6 +146,8 @@ impl Joiner<'_> {
                 edge,
                 direct,
                 hittable_light: true,
+                emitter: id,
+                raster: self.raster,
             },
             target: Target::OwnPixel,
         };
@@ -190,6 +192,7 @@ impl Joiner<'_> {
             emission: Some((drawn.sample.value, drawn.probability)),
             direct: drawn.probability * drawn.sample.pdf,
             hittable: self.is_hittable(Some(drawn.id)),
+            emitter: drawn.id,
             ..End::start(&start, x0, camera.stack, receiver)
         };
         self.join(&light, camera, (-toward, drawn.sample.distance), true);

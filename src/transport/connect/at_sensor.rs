@@ -120,6 +120,7 @@ impl Joiner<'_> {
             emission: Some((radiance, pf0)),
             direct: pf0,
             hittable: true,
+            emitter: id,
             ..End::start(&start, x0, light.start_stack(), Receiver::Area { cos })
         };
         self.join_sensor(&end, &drawn);
@@ -174,6 +175,8 @@ impl Joiner<'_> {
                 edge,
                 direct,
                 hittable_light: self.is_hittable(light.light),
+                emitter: id,
+                raster: hit.raster,
             },
             target: Target::Splat(hit.raster),
         };

@@ -8,7 +8,7 @@
 use super::{Candidate, Joiner, Numerator};
 use crate::bsdf::Label;
 use crate::geometry::{EndPoint, Ray};
-use crate::light::{HitMeasure, Light};
+use crate::light::{HitMeasure, Light, LightId};
 use crate::medium::MediumStack;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::contribution::Target;
@@ -141,6 +141,8 @@ pub(super) struct End<'p> {
     pub direct: f64,
     /// Light side: camera sub-paths can hit x₀.
     pub hittable: bool,
+    /// Light side: the light of x₀.
+    pub emitter: LightId,
     /// Sensor side: the pixel.
     pub target: Target,
 }
@@ -168,6 +170,7 @@ impl<'p> End<'p> {
             emission: None,
             direct: 0.0,
             hittable: false,
+            emitter: LightId(0),
             target: Target::OwnPixel,
         }
     }
@@ -220,6 +223,7 @@ impl Joiner<'_> {
             emission: None,
             direct: path.direct,
             hittable: self.is_hittable(path.light),
+            emitter: path.light.unwrap_or(LightId(0)),
             target: Target::OwnPixel,
         }
     }
@@ -327,6 +331,11 @@ impl Joiner<'_> {
                 },
                 direct: light.direct,
                 hittable_light: light.hittable,
+                emitter: light.emitter,
+                raster: match camera.target {
+                    Target::OwnPixel => self.raster,
+                    Target::Splat(raster) => raster,
+                },
             };
             let numerator = Numerator {
                 scale,
