@@ -71,7 +71,7 @@ pub fn write_image(
 /// Refuses a name that promises another format than OpenEXR.
 ///
 /// # Errors
-/// It does not end in `.exr`.
+/// The name does not end in `.exr`.
 pub fn check_ending(path: &Path) -> Result<(), CliError> {
     if path
         .extension()

@@ -32,7 +32,7 @@ pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
-/// What the scene calls for, and whether each sensor is regularized.
+/// Effects of the scene, and whether each sensor is regularized.
 fn effects(loaded: &Loaded) -> Vec<Effect> {
     let decided = |sensor| summary::decided(&decide(&loaded.scene, sensor, &loaded.settings));
     let sensors = 0..loaded.scene.sensors.len();

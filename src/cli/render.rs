@@ -1,4 +1,5 @@
-//! `abbe render`: loads, renders each sensor pass by pass, writes images, statistics and part files.
+//! `abbe render`: loads, renders each sensor pass by pass, writes images, statistics and part
+//! files.
 
 use super::args::RenderOptions;
 use super::image_output::{check_ending, preview_path};
@@ -27,7 +28,7 @@ use std::time::Duration;
 /// Passes after which an image that is all black is worth a word.
 const PASSES_TO_SEE: u64 = 16;
 
-/// What all sensors share.
+/// Parts that all sensors share.
 struct Job<'a> {
     options: &'a RenderOptions,
     loaded: &'a Loaded,

@@ -1,4 +1,4 @@
-//! What a render says of itself: effects before, a closing summary after.
+//! Summary of a render in words: effects before, a closing summary after.
 
 use super::stats::{FEW_HITS, SensorStats};
 use super::usage::bytes_text;
@@ -177,7 +177,7 @@ fn unexpected(stats: &SensorStats, scene: &Scene) -> String {
     text
 }
 
-/// What a smaller error would take.
+/// Time that a smaller error would take.
 fn accuracy(stats: &SensorStats) -> String {
     let (Some(error), Some((target, forecast))) = (stats.error, stats.forecast) else {
         return String::new();

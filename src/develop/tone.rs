@@ -84,7 +84,7 @@ fn agx(xyz: [f64; 3]) -> [f64; 3] {
 }
 
 impl ToneCurve {
-    /// What the display is to show of exposed XYZ: Y at most 1, the color not yet within a gamut.
+    /// Display color of exposed XYZ: Y at most 1, the color not yet within a gamut.
     #[must_use]
     pub fn apply(self, xyz: [f64; 3]) -> [f64; 3] {
         let y = xyz[1];

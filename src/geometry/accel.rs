@@ -168,8 +168,8 @@ impl<'a> AccelAt<'a> {
         self.any(ray, opaque, |_| true)
     }
 
-    /// Whether an instance is hit for which `stops` says true then, among those for which `visible` does. It is asked
-    /// about instances that are hit until it says so, in any order.
+    /// Whether an instance is hit for which `stops` says true then, among those for which `visible`
+    /// does. It is asked about instances that are hit until it says so, in any order.
     #[must_use]
     #[inline]
     pub fn any(
@@ -206,8 +206,8 @@ impl<'a> AccelAt<'a> {
         )
     }
 
-    /// Derivatives of the position by the texture coordinates at a surface point, in world space; `None` where there are
-    /// none.
+    /// Derivatives of the position by the texture coordinates at a surface point, in world space;
+    /// `None` where there are none.
     #[must_use]
     pub fn tangents(&self, point: &SurfacePoint) -> Option<[DVec3; 2]> {
         let instance = self.accel.instance(point.id.instance);

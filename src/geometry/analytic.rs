@@ -1,8 +1,9 @@
 //! Intersection of the analytic unit shapes, in their own space.
 //!
-//! Roots come from the rejected vector (the foot of the perpendicular from the center to the line), which keeps its
-//! precision however far away the ray starts (Haines et al., Ray Tracing Gems, 2019, chapter 7). An end of the ray that lies on a curved
-//! shape is taken to be exactly on it: its own root is then zero by definition and the other has a closed form.
+//! Roots come from the rejected vector (the foot of the perpendicular from the center to the line),
+//! which keeps its precision however far away the ray starts (Haines et al., Ray Tracing Gems,
+//! 2019, chapter 7). An end of the ray that lies on a curved shape is taken to be exactly on it:
+//! its own root is then zero by definition and the other has a closed form.
 
 use super::ray::LocalRay;
 use glam::{DVec2, DVec3};
@@ -32,8 +33,8 @@ pub(super) fn cylinder(ray: &LocalRay) -> Option<FaceHit> {
         .map(|t| (t, 0))
 }
 
-/// How fast a ray nears a curved shape where its normal is `n`. The other root of the shape that an end lies on has a
-/// closed form, and is told from the end however flat the chord is.
+/// How fast a ray nears a curved shape where its normal is `n`. The other root of the shape that an
+/// end lies on has a closed form, and is told from the end however flat the chord is.
 fn approach(ray: &LocalRay, n: DVec3, d: DVec3) -> f64 {
     if ray.start.is_some() || ray.end.is_some() {
         d.length()
@@ -42,8 +43,8 @@ fn approach(ray: &LocalRay, n: DVec3, d: DVec3) -> f64 {
     }
 }
 
-/// Parameters, in order, at which the line is at distance 1 from the origin; NaN for those that do not exist or that
-/// are an end of the ray on this shape.
+/// Parameters, in order, at which the line is at distance 1 from the origin; NaN for those that do
+/// not exist or that are an end of the ray on this shape.
 fn unit_roots(o: DVec3, d: DVec3, ray: &LocalRay) -> [f64; 2] {
     let none = f64::NAN;
     let inv_d2 = 1.0 / d.length_squared();
@@ -63,7 +64,8 @@ fn unit_roots(o: DVec3, d: DVec3, ray: &LocalRay) -> [f64; 2] {
     }
 }
 
-/// Where the ray meets the part of the plane z = 0 that is `inside`, if that plane is not an end of it.
+/// Where the ray meets the part of the plane z = 0 that is `inside`, if that plane is not an end of
+/// it.
 fn plane(ray: &LocalRay, inside: impl Fn(DVec2) -> bool) -> Option<FaceHit> {
     let t = -ray.o.z / ray.d.z;
     let named = ray.start.is_some() || ray.end.is_some();
@@ -88,7 +90,8 @@ pub(super) fn cube_normal(face: u32) -> DVec3 {
     if face.is_multiple_of(2) { -axis } else { axis }
 }
 
-/// The cube -1..1. A convex solid: a ray that starts on it can only leave it, through a face other than its own.
+/// The cube -1..1. A convex solid: a ray that starts on it can only leave it, through a face other
+/// than its own.
 pub(super) fn cube(ray: &LocalRay) -> Option<FaceHit> {
     let (mut enter, mut leave) = ((f64::NEG_INFINITY, 0), (f64::INFINITY, 0));
     for (axis, face) in [(0, 0u32), (1, 2), (2, 4)] {

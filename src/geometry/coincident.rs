@@ -1,8 +1,9 @@
 //! Faces in the same place: those that no arithmetic tells apart.
 //!
-//! Two faces are in the same place where they are nearer to each other, perpendicular to themselves, than the rounding
-//! error of a point on them. What is found here at a point is exactly what a ray that leaves it does not hit
-//! ([`LocalRay::counts`]): both ask [`transformed_error`] about the same point.
+//! Two faces are in the same place where they are nearer to each other, perpendicular to
+//! themselves, than the rounding error of a point on them. What is found here at a point is exactly
+//! what a ray that leaves it does not hit ([`LocalRay::counts`]): both ask [`transformed_error`]
+//! about the same point.
 
 use super::motion::Placement;
 use super::ray::LocalRay;
@@ -19,15 +20,17 @@ pub const MOST_FACES: usize = 8;
 pub struct Face {
     /// The place on this face.
     pub point: SurfacePoint,
-    /// The instance has faces of both orientations here: whoever crosses them all stays on the same side of it.
+    /// The instance has faces of both orientations here: whoever crosses them all stays on the same
+    /// side of it.
     pub folded: bool,
 }
 
 /// Faces in one place, at most one of each instance, in the order of the instances.
 pub type Faces = ArrayVec<Face, MOST_FACES>;
 
-/// Distance in metres, along the unit normal `n`, within which a face of an instance is in the same place as a point
-/// whose coordinates do not exceed `magnitude`; `extent` bounds the coordinates of the shape.
+/// Distance in metres, along the unit normal `n`, within which a face of an instance is in the same
+/// place as a point whose coordinates do not exceed `magnitude`; `extent` bounds the coordinates of
+/// the shape.
 #[must_use]
 pub(super) fn coincidence_distance(
     placement: &Placement,
@@ -41,8 +44,8 @@ pub(super) fn coincidence_distance(
 }
 
 impl AccelAt<'_> {
-    /// The faces in the same place as `point`, its own among them. Of more than [`MOST_FACES`] instances the first are
-    /// left out.
+    /// The faces in the same place as `point`, its own among them. Of more than [`MOST_FACES`]
+    /// instances the first are left out.
     #[must_use]
     pub fn coincident(&self, point: &SurfacePoint) -> Faces {
         let mut faces = Faces::new();

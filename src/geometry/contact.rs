@@ -1,9 +1,11 @@
-//! Contacts: where surfaces of two instances may be in the same place over an area, found once for a scene.
+//! Contacts: where surfaces of two instances may be in the same place over an area, found once for
+//! a scene.
 //!
-//! Rays ask for the other faces in a place ([`AccelAt::coincident`]) only inside the boxes found here, so that a scene in
-//! which nothing touches pays nothing. Boxes therefore hold all contacts of an area, and may hold more: for flat faces they
-//! are exact, two spheres or cylinders are compared as wholes, and where something moves, or where comparing all faces
-//! would take too long, all that the bounds share counts. A flat face and a curved one, or two curved ones that are not
+//! Rays ask for the other faces in a place ([`AccelAt::coincident`]) only inside the boxes found
+//! here, so that a scene in which nothing touches pays nothing. Boxes therefore hold all contacts
+//! of an area, and may hold more: for flat faces they are exact, two spheres or cylinders are
+//! compared as wholes, and where something moves, or where comparing all faces would take too long,
+//! all that the bounds share counts. A flat face and a curved one, or two curved ones that are not
 //! the same, share no area.
 //!
 //! [`AccelAt::coincident`]: super::AccelAt::coincident
@@ -14,7 +16,8 @@ use super::{Accel, Instance, InstanceId, Shape, analytic};
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
-/// How much farther apart faces are taken to touch here than rays find them in the same place: boxes hold the rest.
+/// How much farther apart faces are taken to touch here than rays find them in the same place:
+/// boxes hold the rest.
 const MARGIN: f64 = 4.0;
 /// Most faces listed, and most pairs of them compared, in a whole scene.
 const BUDGET: usize = 20_000_000;
@@ -46,7 +49,7 @@ impl Region {
         p.cmpge(self.low).all() && p.cmple(self.high).all()
     }
 
-    /// What is in both, each grown by `margin` in all directions.
+    /// Intersection of both, each grown by `margin` in all directions.
     #[must_use]
     pub fn common(&self, other: &Self, margin: f64) -> Option<Self> {
         let low = self.low.max(other.low) - margin;
@@ -167,7 +170,8 @@ fn is_curved(shape: &Shape) -> bool {
     matches!(shape, Shape::Sphere | Shape::Cylinder)
 }
 
-/// Whether two curved shapes are pieces of one surface: the map from one to the other keeps what makes them.
+/// Whether two curved shapes are pieces of one surface: the map from one to the other keeps what
+/// makes them.
 fn is_same_surface(a: &Instance, b: &Instance) -> bool {
     let (from, to) = (a.transform.at(0.0), b.transform.at(0.0));
     let map = to.to_object * from.to_world;

@@ -1,9 +1,10 @@
 //! Triangle meshes: vertices in f32, intersected watertight in f64.
 //!
-//! A mesh is its corners ([`Corners`]: at rest, or keyed over time) and what its triangles have whenever it is. All that is
-//! asked of it is asked of its corners at one moment ([`CornersAt`]), which are those of a mesh like any other: for a mesh
-//! at rest the moment is no more than a reference. Corners take 36 bytes per triangle and key, in the order of the leaves
-//! of the tree, and the tree about 5; indices are kept only where normals or texture coordinates need them.
+//! A mesh is its corners ([`Corners`]: at rest, or keyed over time) and what its triangles have
+//! whenever it is. All that is asked of it is asked of its corners at one moment ([`CornersAt`]),
+//! which are those of a mesh like any other: for a mesh at rest the moment is no more than a
+//! reference. Corners take 36 bytes per triangle and key, in the order of the leaves of the tree,
+//! and the tree about 5; indices are kept only where normals or texture coordinates need them.
 
 use super::ray::LocalRay;
 use super::shape::LocalPoint;
@@ -103,7 +104,7 @@ pub enum MeshError {
     WrongCount {
         /// Which array.
         array: &'static str,
-        /// Its entries.
+        /// Number of entries.
         count: usize,
         /// The positions.
         positions: usize,
@@ -154,7 +155,8 @@ impl<C: Corners> TriangleMesh<C> {
         self.corners.bytes() + attributes
     }
 
-    /// Six times the volume that the mesh encloses at its first key, in object space; negative where it is wound inwards.
+    /// Six times the volume that the mesh encloses at its first key, in object space; negative
+    /// where it is wound inwards.
     #[must_use]
     pub fn signed_volume(&self) -> f64 {
         let middle = (self.bounds.0 + self.bounds.1) / 2.0;
@@ -168,9 +170,10 @@ impl<C: Corners> TriangleMesh<C> {
         (0..self.corners.len() as u32).map(part).sum()
     }
 
-    /// An edge that is not shared by two triangles of opposite winding, from vertex to vertex in object space at the first
-    /// key; `None` where the mesh is closed. Vertices count as one where their positions
-    /// agree at all keys, so that seams in the normals or texture coordinates are no holes. Takes time n log n.
+    /// An edge that is not shared by two triangles of opposite winding, from vertex to vertex in
+    /// object space at the first key; `None` where the mesh is closed. Vertices count as one where
+    /// their positions agree at all keys, so that seams in the normals or texture coordinates are
+    /// no holes. Takes time n log n.
     #[must_use]
     pub fn open_edge(&self) -> Option<[DVec3; 2]> {
         let count = 3 * self.corners.len();
@@ -266,7 +269,8 @@ impl<C: Corners> TriangleMesh<C> {
         })
     }
 
-    /// Calls `found` for every triangle that is hit, with the barycentric weights of its second and third vertex.
+    /// Calls `found` for every triangle that is hit, with the barycentric weights of its second and
+    /// third vertex.
     pub(super) fn each(&self, ray: &LocalRay, time: f64, mut found: impl FnMut(u32, DVec2)) {
         let corners = self.corners.at(time);
         let Some(entry) = corners.tree().enter(ray.o, ray.d, ray.t_max) else {
@@ -287,7 +291,8 @@ impl<C: Corners> TriangleMesh<C> {
         );
     }
 
-    /// The point of triangle `prim` with barycentric `weights` of its second and third vertex, at `time`.
+    /// The point of triangle `prim` with barycentric `weights` of its second and third vertex, at
+    /// `time`.
     pub(super) fn local_point(&self, prim: u32, weights: DVec2, time: f64) -> LocalPoint {
         let at = self.corners.at(time);
         let corners = at.triangle(prim);
@@ -313,8 +318,8 @@ impl<C: Corners> TriangleMesh<C> {
         }
     }
 
-    /// Derivatives of the position of triangle `prim` at `time` by its texture coordinates; `None` where it has none or
-    /// they are degenerate.
+    /// Derivatives of the position of triangle `prim` at `time` by its texture coordinates; `None`
+    /// where it has none or they are degenerate.
     pub(super) fn tangents(&self, prim: u32, time: f64) -> Option<[DVec3; 2]> {
         let attributes = self.attributes.as_ref()?;
         let uvs = attributes.uvs.as_ref()?;
@@ -323,8 +328,8 @@ impl<C: Corners> TriangleMesh<C> {
         tangents(self.corners(prim, time), at)
     }
 
-    /// Barycentric weights of the second and third vertex at the point of triangle `prim` nearest to `p` in its plane, at
-    /// `time`.
+    /// Barycentric weights of the second and third vertex at the point of triangle `prim` nearest
+    /// to `p` in its plane, at `time`.
     pub(super) fn weights(&self, prim: u32, p: DVec3, time: f64) -> DVec2 {
         weights(self.corners(prim, time), p)
     }
@@ -394,7 +399,8 @@ fn unpaired_edge(triangles: impl ExactSizeIterator<Item = [u32; 3]>) -> Option<[
         .map(|e| [e[0].0, e[0].1])
 }
 
-/// Derivatives of the position on a triangle by its texture coordinates; `None` where they are degenerate.
+/// Derivatives of the position on a triangle by its texture coordinates; `None` where they are
+/// degenerate.
 fn tangents([a, b, c]: [DVec3; 3], [i, j, k]: [DVec2; 3]) -> Option<[DVec3; 2]> {
     let (s, t) = (j - i, k - i);
     let determinant = s.perp_dot(t);
@@ -404,7 +410,8 @@ fn tangents([a, b, c]: [DVec3; 3], [i, j, k]: [DVec2; 3]) -> Option<[DVec3; 2]> 
     (du.is_finite() && dv.is_finite()).then_some([du, dv])
 }
 
-/// Barycentric weights of the second and third corner at the point of a triangle nearest to `p` in its plane.
+/// Barycentric weights of the second and third corner at the point of a triangle nearest to `p` in
+/// its plane.
 fn weights([a, b, c]: [DVec3; 3], p: DVec3) -> DVec2 {
     let (s, t, q) = (b - a, c - a, p - a);
     let (ss, st, tt) = (s.dot(s), s.dot(t), t.dot(t));

@@ -1,7 +1,7 @@
 //! Where rays hit: rays, shapes, meshes, instances and the two-level tree over them.
 //!
-//! Everything is f64 except mesh vertices and tree boxes. No epsilon depends on the scale of the scene: a ray that
-//! leaves a surface names the face (and root) it left.
+//! Everything is f64 except mesh vertices and tree boxes. No epsilon depends on the scale of the
+//! scene: a ray that leaves a surface names the face (and root) it left.
 
 pub mod accel;
 mod analytic;

@@ -80,12 +80,12 @@ impl CornersAt for &Still {
 }
 
 impl Mesh {
-    /// A mesh from indexed vertices; triangles run counter-clockwise seen from outside. Triangles without area are
-    /// dropped (see [`Mesh::dropped`]), and the rest is reordered.
+    /// A mesh from indexed vertices; triangles run counter-clockwise seen from outside. Triangles
+    /// without area are dropped (see [`Mesh::dropped`]), and the rest is reordered.
     ///
     /// # Errors
-    /// [`MeshError`] if a number is not finite, an index is out of range, the arrays do not match, or no triangle is
-    /// left.
+    /// [`MeshError`] if a number is not finite, an index is out of range, the arrays do not match,
+    /// or no triangle is left.
     pub fn new(
         positions: &[[f32; 3]],
         normals: Option<Vec<[f32; 3]>>,

@@ -1,8 +1,8 @@
 //! The corners of triangles, laid out for traversal.
 //!
-//! Nine numbers per triangle, axis by axis and in the order of the leaves of the tree: a ray that reaches a leaf finds
-//! all it needs in one place, without a table of indices in between (traversal waits for memory more than for
-//! arithmetic), and tests an axis of three corners at a time.
+//! Nine numbers per triangle, axis by axis and in the order of the leaves of the tree: a ray that
+//! reaches a leaf finds all it needs in one place, without a table of indices in between (traversal
+//! waits for memory more than for arithmetic), and tests an axis of three corners at a time.
 
 use crate::math::predicates::TriangleFilter;
 use glam::Vec4;
@@ -65,7 +65,8 @@ impl Triangles {
         }
     }
 
-    /// Whether `filter` lets triangle `index` pass at the fraction `u` of the way to the same triangle of `other`.
+    /// Whether `filter` lets triangle `index` pass at the fraction `u` of the way to the same
+    /// triangle of `other`.
     #[inline(always)]
     pub fn pass_between(&self, other: &Self, u: f32, filter: &TriangleFilter, index: u32) -> bool {
         let rows = |of: &'_ Self| -> [Vec4; 3] {

@@ -1,5 +1,5 @@
-//! Identity of a render: what its images and parts say of how they were made, and the hash that tells whether parts belong
-//! together.
+//! Identity of a render: what its images and parts say of how they were made, and the hash that
+//! tells whether parts belong together.
 
 use super::part::{PartHeader, PassRange};
 use crate::camera::CameraKind;
@@ -97,7 +97,7 @@ pub fn header(render: &Render) -> PartHeader {
 
 /// Attribute that tells images of cameras from those of detectors.
 pub const SENSOR_KIND: &str = "sensorKind";
-/// Its value for a detector.
+/// Value for a detector.
 pub const DETECTOR: &str = "detector";
 
 /// Attributes of every image: how it was made.
@@ -166,7 +166,8 @@ fn merging_values(merging: &Merging, choice: &RadiusChoice) -> Values {
 
 /// Settings that change the estimate and that no attribute of every image tells.
 fn further_values(settings: &Settings) -> Values {
-    // by name, so that a new setting cannot be forgotten; passes and seeds are counted by the header
+    // by name, so that a new setting cannot be forgotten; passes and seeds are counted by the
+    // header
     let Settings {
         integrator: _,
         spp: _,
@@ -213,8 +214,8 @@ fn further_values(settings: &Settings) -> Values {
     ]
 }
 
-/// Hash of all that changes the estimate but scene, seed and passes: of the named values, so that it depends on no name in this
-/// program's code.
+/// Hash of all that changes the estimate but scene, seed and passes: of the named values, so that
+/// it depends on no name in this program's code.
 #[must_use]
 pub fn settings_hash(
     scene: &Scene,

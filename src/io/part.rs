@@ -1,7 +1,8 @@
 //! Part files: the exact sums of a film after some passes, to be added to others or resumed.
 //!
-//! Layout, little-endian: magic `abbepart`, u32 version, u32 header length, header (JSON), sums (i128, half by half, row by
-//! row, channels innermost), u64 checksum of everything before it. Integer sums: any order of merging gives the same bits.
+//! Layout, little-endian: magic `abbepart`, u32 version, u32 header length, header (JSON), sums
+//! (i128, half by half, row by row, channels innermost), u64 checksum of everything before it.
+//! Integer sums: any order of merging gives the same bits.
 
 use super::atomic::{FileError, write_atomic};
 use super::files::read_regular;
@@ -15,8 +16,8 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 8] = *b"abbepart";
-/// 1 hashed settings by the names of this program's code, and its sums took random numbers in their order of use.
-/// 2 did not say how the variance factors of its weights were found.
+/// 1 hashed settings by the names of this program's code, and its sums took random numbers in their
+/// order of use. 2 did not say how the variance factors of its weights were found.
 const VERSION: u32 = 3;
 /// Before the header: magic, version, header length.
 const PREFIX: usize = 16;
@@ -41,7 +42,7 @@ pub struct PassRange {
     pub end: u64,
 }
 
-/// What the sums are of.
+/// Quantity that the sums are of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PartHeader {
@@ -61,9 +62,10 @@ pub struct PartHeader {
     pub crop: [u32; 4],
     /// Channels per pixel.
     pub channels: u32,
-    /// Passes per group of the pilot that found the variance factors of the weights; 0: by rule, or none.
+    /// Passes per group of the pilot that found the variance factors of the weights; 0: by rule, or
+    /// none.
     pub pilot: u32,
-    /// What the image says of its settings: attribute and text.
+    /// Settings as the image tells them: attribute and text.
     pub image: BTreeMap<String, String>,
     /// Passes in the sums: sorted, disjoint, not touching.
     pub passes: Vec<PassRange>,
@@ -122,7 +124,7 @@ impl PartHeader {
 /// A part: header and sums.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// What the sums are of.
+    /// Quantity that the sums are of.
     pub header: PartHeader,
     /// Fixed-point sums, half by half, row by row, channels innermost.
     pub sums: Vec<i128>,
@@ -139,7 +141,7 @@ pub enum PartError {
     Format {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault, in words.
         message: String,
     },
     /// A render that is not the one that the part is of.
@@ -147,13 +149,13 @@ pub enum PartError {
     Resume {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault, in words.
         message: String,
     },
     /// Parts that do not belong together.
     #[error("parts differ in {what}: {first} and {second}")]
     Mismatch {
-        /// What differs.
+        /// Setting that differs.
         what: &'static str,
         /// In the first part.
         first: String,
@@ -335,7 +337,8 @@ fn decode(bytes: &[u8]) -> Result<Part, String> {
     })
 }
 
-/// Adds up parts of disjoint passes of the same scene, settings, sensor and crop. The order does not matter.
+/// Adds up parts of disjoint passes of the same scene, settings, sensor and crop. The order does
+/// not matter.
 ///
 /// # Errors
 /// Parts that differ, overlap, or whose sums overflow.

@@ -1,4 +1,5 @@
-//! First-hit images: depth, normal and albedo through each pixel's centre, in the middle of the shutter.
+//! First-hit images: depth, normal and albedo through each pixel's centre, in the middle of the
+//! shutter.
 
 use crate::bsdf::{Bsdf, Interface};
 use crate::film::Crop;

@@ -36,7 +36,8 @@ use crate::transport::{Cone, Counters, PassSettings, PhotonMap};
 use pass::{PassCounts, Watch};
 use std::sync::Arc;
 
-/// The render of one sensor: its films, and the passes they hold. [`Session`] adds passes until it is time to stop.
+/// The render of one sensor: its films, and the passes they hold. [`Session`] adds passes until it
+/// is time to stop.
 #[derive(Debug)]
 pub struct Render {
     scene: Arc<Scene>,
@@ -141,7 +142,8 @@ impl Render {
         self.factors.as_ref()
     }
 
-    /// Finds the variance factors by a pilot of another length: that of the render whose passes this one adds to.
+    /// Finds the variance factors by a pilot of another length: that of the render whose passes
+    /// this one adds to.
     pub fn repeat_pilot(&mut self, passes: PilotPasses) {
         let frame = self.frame();
         let cone = self.epsilon.as_ref().map(|e| Cone::new(e.epsilon));
@@ -151,7 +153,8 @@ impl Render {
         self.factors = found;
     }
 
-    /// Weights by other variance factors than those found: for tests and studies, before the first pass.
+    /// Weights by other variance factors than those found: for tests and studies, before the first
+    /// pass.
     pub fn set_factors(&mut self, factors: Option<VarianceFactors>) {
         self.factors = factors;
     }
@@ -193,7 +196,7 @@ impl Render {
         self.radius.as_ref()
     }
 
-    /// What the photons of a pass will take, where they are merged: an estimate from a short run.
+    /// Memory of the photons of a pass, where they are merged: an estimate from a short run.
     #[must_use]
     pub fn photon_memory(&self) -> Option<PhotonMemory> {
         self.radius
@@ -230,8 +233,9 @@ impl Render {
         ))
     }
 
-    /// Half-aperture of pass `index` in radians, `None` without regularization. The schedule is a function of the global index; to
-    /// tell the bias, an odd pass uses the even one's before it over √2.
+    /// Half-aperture of pass `index` in radians, `None` without regularization. The schedule is a
+    /// function of the global index; to tell the bias, an odd pass uses the even one's before it
+    /// over √2.
     #[must_use]
     pub fn epsilon_of_pass(&self, index: u32) -> Option<f64> {
         let first = self.epsilon.as_ref()?.epsilon;
@@ -266,7 +270,8 @@ impl Render {
         self.epsilon.as_ref()
     }
 
-    /// Mean of ε² over the passes done, in steradians: the bias of the image is in proportion to it.
+    /// Mean of ε² over the passes done, in steradians: the bias of the image is in proportion to
+    /// it.
     #[must_use]
     pub fn mean_epsilon_squared(&self) -> Option<f64> {
         let squares: Option<Vec<f64>> = self
@@ -293,7 +298,8 @@ impl Render {
         }
     }
 
-    /// Traces pass `index` into films, which need not be its own. `None` where it was cancelled: they hold part of it then.
+    /// Traces pass `index` into films, which need not be its own. `None` where it was cancelled:
+    /// they hold part of it then.
     fn trace(&self, index: u32, outputs: &Outputs, watch: &Watch) -> Option<PassCounts> {
         let frame = self.frame();
         let mut pass = self.settings_of(&frame, index);
@@ -354,7 +360,7 @@ impl Render {
         [self.passes.len() as u64 - odd, odd]
     }
 
-    /// What was kept.
+    /// Outputs that were kept.
     #[must_use]
     pub fn outputs(&self) -> &Outputs {
         &self.outputs
@@ -392,7 +398,8 @@ impl Render {
         bias::bias_estimate(&self.outputs.image, even, odd)
     }
 
-    /// Estimated error of the image. `None` before both halves of the passes have one or while the image is black.
+    /// Estimated error of the image. `None` before both halves of the passes have one or while the
+    /// image is black.
     #[must_use]
     pub fn error(&self) -> Option<ErrorEstimate> {
         let [even, odd] = self.pass_counts();

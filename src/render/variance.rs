@@ -1,12 +1,14 @@
-//! Variance factors of a render: which strategies of the pixel's own scatter less than their second moments say.
+//! Variance factors of a render: which strategies of the pixel's own scatter less than their second
+//! moments say.
 //!
-//! A pilot renders a lattice of pixels in [`GROUPS`] independent groups of consecutive passes, by the strategies of the pixel's
-//! own that take camera sub-paths alone; those that take light sub-paths count in the weights and are not made. Of each
-//! strategy and key of paths it knows the second moment of a pass and the variance of a group's mean, which sees that passes are
+//! A pilot renders a lattice of pixels in [`GROUPS`] independent groups of consecutive passes, by
+//! the strategies of the pixel's own that take camera sub-paths alone; those that take light
+//! sub-paths count in the weights and are not made. Of each strategy and key of paths it knows the
+//! second moment of a pass and the variance of a group's mean, which sees that passes are
 //! stratified. [theory (2.8), (2.10)]
 //!
-//! Invariant: a function of scene, sensor, crop and settings without the seed and of a number of passes, counted and never timed,
-//! whatever the threads, so that all parts of a render agree.
+//! Invariant: a function of scene, sensor, crop and settings without the seed and of a number of
+//! passes, counted and never timed, whatever the threads, so that all parts of a render agree.
 
 use crate::film::Crop;
 use crate::integrator::{SensorJob, Workspace, sample_pixel};
@@ -24,7 +26,8 @@ use std::fmt;
 
 /// Factor of direct light on what a camera sees directly, where nothing is measured.
 const DIRECT: f32 = 16.0;
-/// Independent groups of passes. With two, rare bright samples are missed and noisy strategies come out too quiet.
+/// Independent groups of passes. With two, rare bright samples are missed and noisy strategies come
+/// out too quiet.
 const GROUPS: usize = 4;
 /// Pixels of the lattice along a side of a cell.
 const LATTICE: u32 = 4;
@@ -37,13 +40,14 @@ const MOST: f64 = 1024.0;
 const PRIOR_SAMPLES: f64 = 32.0;
 /// Growth of a factor from a group of four passes to a render of sixteen, at most.
 const MOST_GROWTH: f64 = 4.0;
-/// Share of the standard deviation that a pass leaves in a pixel, below which contributions meet roulette before their shadow
-/// ray.
+/// Share of the standard deviation that a pass leaves in a pixel, below which contributions meet
+/// roulette before their shadow ray.
 const ROULETTE_SHARE: f64 = 0.05;
 /// Numbers that are kept, at most.
 const MOST_VALUES: usize = 1 << 21;
-/// Passes of a group of a render of at least so many samples per pixel: the pilot takes a sixteenth of the pixels in
-/// [`GROUPS`] times as many passes, without light sub-paths, which is at most 3 % of the render.
+/// Passes of a group of a render of at least so many samples per pixel: the pilot takes a sixteenth
+/// of the pixels in [`GROUPS`] times as many passes, without light sub-paths, which is at most 3 %
+/// of the render.
 const PASSES: [(u32, u32); 2] = [(16, 4), (4, 1)];
 
 /// Passes of a group of the pilot; 0: the factors are those of the rule.
@@ -66,7 +70,7 @@ impl PilotPasses {
     }
 }
 
-/// What the weights of a render count besides densities, and how it was found.
+/// Factors that the weights of a render count besides densities, and how they were found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VarianceFactors {
     /// The factors.
@@ -99,8 +103,8 @@ impl fmt::Display for VarianceFactors {
     }
 }
 
-/// Whether the weights of a render have variance factors: not where its strategies are all of one kind, and not where photons
-/// are merged. [theory (2.7)]
+/// Whether the weights of a render have variance factors: not where its strategies are all of one
+/// kind, and not where photons are merged. [theory (2.7)]
 #[must_use]
 pub fn has_factors(frame: &SensorJob) -> bool {
     let strategies = &frame.strategies;
@@ -147,8 +151,9 @@ pub fn choose(
     pilot.run()
 }
 
-/// Factors by rule: what an image camera sees directly and lights reach directly (LDE) is made by next-event estimation and by
-/// hits, which scatter little; splats of it are grain. A detector sees nothing directly.
+/// Factors by rule: what an image camera sees directly and lights reach directly (LDE) is made by
+/// next-event estimation and by hits, which scatter little; splats of it are grain. A detector sees
+/// nothing directly.
 fn by_rule(frame: &SensorJob, crop: Crop) -> VarianceFactors {
     let mut factors = Factors::new(Cells {
         side: crop.width().max(crop.height()),
@@ -227,8 +232,8 @@ impl CellSums {
         self.hits += weight * other.hits;
     }
 
-    /// v as a power of two, for four times the passes of a group: shrunk to `prior` where few samples stand behind it, and
-    /// never more than there are.
+    /// v as a power of two, for four times the passes of a group: shrunk to `prior` where few
+    /// samples stand behind it, and never more than there are.
     fn factor(&self, prior: f64) -> f32 {
         let most = MOST.min(self.hits).max(prior);
         // stratified passes scatter ever less than independent ones

@@ -52,7 +52,8 @@ impl<'a> SceneAt<'a> {
         self.geometry.closest(ray, visible)
     }
 
-    /// The point with the shading normal of its material: the one place where normals are bent, for all strategies.
+    /// The point with the shading normal of its material: the one place where normals are bent, for
+    /// all strategies.
     #[must_use]
     pub fn shading_point(&self, mut point: SurfacePoint) -> SurfacePoint {
         if let Some(map) = &self.material_of(point.id.instance).normal {

@@ -1,4 +1,5 @@
-//! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends of paths.
+//! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends
+//! of paths.
 
 mod surroundings;
 
@@ -62,7 +63,7 @@ pub enum BuildError {
     UnclearMedium {
         /// The light or sensor.
         subject: Subject,
-        /// Its name.
+        /// Name.
         name: String,
     },
     /// The medium that is said to be around a light or sensor is not the one that is there.
@@ -70,7 +71,7 @@ pub enum BuildError {
     OtherMedium {
         /// The light or sensor.
         subject: Subject,
-        /// Its name.
+        /// Name.
         name: String,
         /// The medium that is there.
         found: String,
@@ -82,7 +83,7 @@ pub enum BuildError {
     ChangingMedium {
         /// The light or sensor.
         subject: Subject,
-        /// Its name.
+        /// Name.
         name: String,
     },
     /// A solid whose surface moves is wound inwards.
@@ -92,7 +93,7 @@ pub enum BuildError {
     InsideOut {
         /// The object.
         subject: Subject,
-        /// Its name.
+        /// Name.
         name: String,
     },
     /// Two detectors are in the same place: only one can be met there.
@@ -102,7 +103,7 @@ pub enum BuildError {
     SensorsTouch {
         /// The detector that comes first.
         subject: Subject,
-        /// Its name.
+        /// Name.
         name: String,
         /// The name of the other.
         other: String,
@@ -130,12 +131,14 @@ impl BuildError {
 /// Points of a surface at which the medium around it is checked.
 const PROBES: u32 = 32;
 
-/// Numbers of the nth of them, spread evenly (Roberts, The unreasonable effectiveness of quasirandom sequences, 2018).
+/// Numbers of the nth of them, spread evenly (Roberts, The unreasonable effectiveness of
+/// quasirandom sequences, 2018).
 fn probe(n: u32) -> [f64; 3] {
     [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step| (0.5 + step * f64::from(n)).fract())
 }
 
-/// Moments of the shutter at which media are looked for and powers averaged where something moves, as fractions.
+/// Moments of the shutter at which media are looked for and powers averaged where something moves,
+/// as fractions.
 const MOMENTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
 impl Scene {
@@ -277,8 +280,8 @@ impl Builder {
         }
     }
 
-    /// An emission as the render sees it: where only some lines exist, continuous light stands for a band of 1 nm about
-    /// each.
+    /// An emission as the render sees it: where only some lines exist, continuous light stands for
+    /// a band of 1 nm about each.
     fn seen(&self, emission: Emission) -> Emission {
         match &self.chosen_lines {
             Some(lines) => emission.restricted_to_lines(lines),
@@ -442,8 +445,8 @@ impl Builder {
         Ok(())
     }
 
-    /// The common stack of all moments, checked against the medium that is named, if one is; where rays cannot tell, it
-    /// is the named one.
+    /// The common stack of all moments, checked against the medium that is named, if one is; where
+    /// rays cannot tell, it is the named one.
     fn known_stack(
         &self,
         stacks: impl Iterator<Item = Option<MediumStack>>,

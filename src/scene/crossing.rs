@@ -1,19 +1,20 @@
 //! Crossings: surfaces in the same place are met as one.
 //!
-//! All faces in one place (see [`AccelAt::coincident`]) are one crossing. Its media are those before all of it and those
-//! after all of it. Where a surface in it scatters or absorbs by itself (it separates no media, or it emits or senses),
-//! that is what is met, under the medium in front of all of it; of several, the last in the scene. Else it is one
-//! interface between the two media, with the material of the last object in the scene whose own medium is on one of its
-//! sides.
+//! All faces in one place (see [`AccelAt::coincident`]) are one crossing. Its media are those
+//! before all of it and those after all of it. Where a surface in it scatters or absorbs by itself
+//! (it separates no media, or it emits or senses), that is what is met, under the medium in front
+//! of all of it; of several, the last in the scene. Else it is one interface between the two media,
+//! with the material of the last object in the scene whose own medium is on one of its sides.
 //!
-//! Invariant: whatever asks what is at a place asks here: walks, segments, ends of paths, the media of lights and sensors.
+//! Invariant: whatever asks what is at a place asks here: walks, segments, ends of paths, the media
+//! of lights and sensors.
 
 use super::{Object, Passage, SceneAt};
 use crate::geometry::{AccelAt, EndPoint, Face, Faces, InstanceId, Ray, SurfacePoint};
 use crate::medium::{Boundary, MediumStack, Rank};
 use glam::DVec3;
 
-/// What a ray that crosses all faces in a place meets there.
+/// Encounter of a ray that crosses all faces in a place.
 #[derive(Clone, Debug)]
 pub struct Crossing {
     /// Which of the faces is met.
@@ -22,8 +23,8 @@ pub struct Crossing {
     pub behind: MediumStack,
     /// Whether it is no more than a change of solids, without a change of the medium.
     pub clear: bool,
-    /// A solid that is left but was never entered (or the reverse), or an interface whose named medium is not the one
-    /// around.
+    /// A solid that is left but was never entered (or the reverse), or an interface whose named
+    /// medium is not the one around.
     pub mismatch: Option<InstanceId>,
 }
 
@@ -51,12 +52,14 @@ pub fn faces_at(geometry: &AccelAt, objects: &[Object], point: &SurfacePoint) ->
     faces
 }
 
-/// Whether a surface scatters, absorbs, emits or senses by itself, and not as the boundary of a medium.
+/// Whether a surface scatters, absorbs, emits or senses by itself, and not as the boundary of a
+/// medium.
 fn stands_alone(object: &Object) -> bool {
     !object.is_interface || object.light.is_some()
 }
 
-/// Which of the faces in one place is met, where that does not depend on the media: the last that stands alone.
+/// Which of the faces in one place is met, where that does not depend on the media: the last that
+/// stands alone.
 #[must_use]
 pub fn alone(objects: &[Object], faces: &[Face]) -> Option<usize> {
     faces
@@ -64,7 +67,8 @@ pub fn alone(objects: &[Object], faces: &[Face]) -> Option<usize> {
         .rposition(|f| stands_alone(&objects[f.point.id.instance.0 as usize]))
 }
 
-/// What is met where a ray along `d`, in the solids of `stack`, comes to the `faces` in one place (at least one).
+/// Encounter where a ray along `d`, in the solids of `stack`, comes to the `faces` in one place (at
+/// least one).
 ///
 /// # Errors
 /// Where more solids are nested behind than a stack holds.
@@ -161,8 +165,8 @@ impl SceneAt<'_> {
         faces_at(&self.geometry, &self.objects, point)
     }
 
-    /// The share of the light at an end of paths on a surface that is not taken by what else is in the same place and
-    /// comes later in the scene: 1 where nothing touches it.
+    /// The share of the light at an end of paths on a surface that is not taken by what else is in
+    /// the same place and comes later in the scene: 1 where nothing touches it.
     #[must_use]
     pub fn exposure(&self, end: &EndPoint) -> f64 {
         let Some(id) = end.surface else { return 1.0 };
@@ -192,8 +196,8 @@ impl SceneAt<'_> {
         open.product()
     }
 
-    /// Transmittance of a segment that starts in the solids of `stack` and on whose way the medium must not change: 0 if
-    /// something is in the way, in between where surfaces cover it partly.
+    /// Transmittance of a segment that starts in the solids of `stack` and on whose way the medium
+    /// must not change: 0 if something is in the way, in between where surfaces cover it partly.
     #[must_use]
     pub fn visibility(&self, ray: &Ray, stack: &MediumStack) -> f64 {
         let passage = |id: InstanceId| self.object(id).passage;
@@ -216,7 +220,8 @@ impl SceneAt<'_> {
         }
     }
 
-    /// The same, crossing by crossing, where nothing opaque is in the way. Without `media` none is crossed on it.
+    /// The same, crossing by crossing, where nothing opaque is in the way. Without `media` none is
+    /// crossed on it.
     fn carried(&self, ray: &Ray, stack: &MediumStack, media: bool) -> f64 {
         let (mut ray, mut open, mut stack) = (*ray, 1.0, stack.clone());
         let is_met = |id: InstanceId| {

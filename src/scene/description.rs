@@ -1,4 +1,4 @@
-//! What a scene file says, with names resolved: the input of the scene's construction.
+//! Scene description: what a scene file says, with names resolved; the input of construction.
 
 use super::Subject;
 use crate::camera::Camera;
@@ -19,11 +19,11 @@ pub struct ObjectDescription {
     pub shape: Shape,
     /// Where it is (metres).
     pub transform: Transform,
-    /// What it is made of.
+    /// Material of the surface.
     pub material: MaterialId,
     /// How it separates media.
     pub boundary: Boundary,
-    /// What it emits, if it does.
+    /// Emission, if there is any.
     pub emission: Option<AreaEmission>,
 }
 

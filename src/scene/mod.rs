@@ -33,23 +33,23 @@ use crate::texture::Image;
 use effects::{Effect, EffectKind};
 use std::sync::Arc;
 
-/// What a face does to a segment between two points in one medium that meets it.
+/// Effect of a face on a segment between two points in one medium that meets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Passage {
-    /// It is in the way.
+    /// In the way.
     Blocked,
-    /// It is in the way if the medium changes there, which the solids around it decide.
+    /// In the way if the medium changes there, which the solids around it decide.
     Depends,
-    /// It is not in the way.
+    /// Not in the way.
     Free,
 }
 
-/// What a surface is, besides its geometry. Index = instance id.
+/// Surface besides its geometry: material, media, emission. Index = instance id.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// Name for messages.
     pub name: String,
-    /// What it is made of.
+    /// Material of the surface.
     pub material: MaterialId,
     /// How it separates media.
     pub boundary: Boundary,
@@ -59,13 +59,13 @@ pub struct Object {
     pub sensor: Option<usize>,
     /// A sensor that lets light through.
     pub transparent_sensor: bool,
-    /// Its material is an interface, which light crosses from one medium into another.
+    /// The material is an interface, which light crosses from one medium into another.
     pub is_interface: bool,
     /// Clear interface: walks skip it where the medium does not change.
     pub clear: bool,
     /// Opacity varies: its material has a coverage map.
     pub has_alpha: bool,
-    /// What its faces do to a segment that meets one.
+    /// Effect of the faces on a segment that meets one.
     pub passage: Passage,
     /// Where other surfaces may be in the same place.
     pub contacts: Vec<Region>,
@@ -128,13 +128,13 @@ pub struct Scene {
     pub motions: usize,
     /// Whether anything moves: only then do paths draw a time.
     pub is_moving: bool,
-    /// What the scene calls for.
+    /// Effects that the scene calls for.
     pub effects: Vec<Effect>,
     /// Whether any object is there only in part.
     pub has_coverage: bool,
     /// Surfaces that touch, or may touch.
     pub contacts: Vec<Contact>,
-    /// What was put right when it was built.
+    /// Notes on what was put right when the scene was built.
     pub notes: Vec<String>,
     /// Hash of the scene file and the files it refers to.
     pub hash: u64,

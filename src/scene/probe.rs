@@ -7,7 +7,8 @@ use crate::math::frame::Frame;
 use crate::medium::{Boundary, MediumId, MediumStack};
 use glam::DVec3;
 
-/// No scene has this many surfaces on one line; a ray that meets more is caught in a degenerate mesh.
+/// No scene has this many surfaces on one line; a ray that meets more is caught in a degenerate
+/// mesh.
 const MOST_CROSSINGS: usize = 100_000;
 
 /// Directions about +z, chosen away from the axes of modelled scenes.
@@ -17,8 +18,8 @@ const DIRECTIONS: [DVec3; 3] = [
     DVec3::new(0.214_83, -0.431_27, 0.876_28),
 ];
 
-/// The stack at `p`, on the side of `normal` where `p` lies on the surface `start`. `None` where three rays disagree: a
-/// solid is open there, or a surface cuts through.
+/// The stack at `p`, on the side of `normal` where `p` lies on the surface `start`. `None` where
+/// three rays disagree: a solid is open there, or a surface cuts through.
 #[must_use]
 pub fn stack_at(
     geometry: &AccelAt,

@@ -16,7 +16,8 @@ use super::{Curve, Emission, cie};
 
 pub use super::cie::{N_Y, cmf};
 
-/// XYZ of a spectrum given as a function of the wavelength, whose tables have the points `knots_nm` (nanometers).
+/// XYZ of a spectrum given as a function of the wavelength, whose tables have the points `knots_nm`
+/// (nanometers).
 #[must_use]
 pub fn spectrum_to_xyz(knots_nm: &[f64], f: impl Fn(f64) -> f64) -> [f64; 3] {
     let mut observed = [0.0; 3];

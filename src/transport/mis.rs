@@ -31,9 +31,9 @@ pub struct Denominator {
     pub shared: f64,
     /// Terms that only lanes of the same wavelength could have made.
     pub own: [f64; MAX_LANES],
-    /// Factor on the contribution's numerator: the strategy's preference (1 unless it has a variance
-    /// factor, or regularized strategies are weighted down or chosen among), times `m₁(s)` for the
-    /// power heuristic.
+    /// Factor on the contribution's numerator: the strategy's preference (1 unless it has a
+    /// variance factor, or regularized strategies are weighted down or chosen among), times `m₁(s)`
+    /// for the power heuristic.
     pub numerator: f64,
 }
 
@@ -71,8 +71,8 @@ enum Admitted {
     Only(usize),
 }
 
-/// Multiplier `m₁(s) = n_s · (A β)^{N_r(s)} · v_s · [executed and admitted]` of every technique of a
-/// path.
+/// Multiplier `m₁(s) = n_s · (A β)^{N_r(s)} · v_s · [executed and admitted]` of every technique of
+/// a path.
 #[derive(Clone, Copy, Debug)]
 pub struct Multipliers<'a> {
     path: &'a PathView<'a>,

@@ -1,4 +1,5 @@
-//! The same numbers for any number of threads, any order of pixels, any split into passes, and any crop.
+//! The same numbers for any number of threads, any order of pixels, any split into passes, and any
+//! crop.
 
 #![allow(
     clippy::unwrap_used,

@@ -10,7 +10,8 @@ use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
 use abbe::scene::settings::{Regularize, Settings};
 use std::sync::Arc;
 
-/// Renders a few passes: every value must be finite and not negative, and nothing may have been left out. The mean of Y.
+/// Renders a few passes: every value must be finite and not negative, and nothing may have been
+/// left out. The mean of Y.
 fn sane(what: &str, scene: &Arc<Scene>, settings: &Settings, passes: u32) -> f64 {
     let request = OutputRequest::default();
     let mut render = Render::new(scene, 0, settings, full_crop(scene), &request);
@@ -26,7 +27,8 @@ fn sane(what: &str, scene: &Arc<Scene>, settings: &Settings, passes: u32) -> f64
     image.iter().skip(1).step_by(3).sum::<f64>() * 3.0 / image.len() as f64
 }
 
-/// Cones of every size between nothing and a half space, in both modes: nothing is infinite or not a number.
+/// Cones of every size between nothing and a half space, in both modes: nothing is infinite or not
+/// a number.
 #[test]
 fn cones_of_any_size_are_finite() {
     let (scene, settings) = scene(BALLS);
@@ -46,7 +48,8 @@ fn cones_of_any_size_are_finite() {
     }
 }
 
-/// Glass around a point light, glass that touches glass, a mirror, a rough ball: every kind of end of a connection.
+/// Glass around a point light, glass that touches glass, a mirror, a rough ball: every kind of end
+/// of a connection.
 const BALLS: &str = r#"
 [[sensor]]
 resolution = [16, 12]
@@ -86,7 +89,8 @@ emission = 20
 point = { position = [-0.5, 0, 0], intensity = 1 }
 "#;
 
-/// A light of constant power that shrinks becomes a point light: E = P / (π h²) beneath a Lambertian one.
+/// A light of constant power that shrinks becomes a point light: E = P / (π h²) beneath a
+/// Lambertian one.
 #[test]
 fn a_tiny_light_of_constant_power_is_a_point() {
     for radius in [1e-1, 1e-3, 1e-6, 1e-9_f64] {
@@ -122,8 +126,8 @@ disk = { center = [0, 0, 2], normal = [0, 0, -1], radius = RADIUS }
 emission = RADIANCE
 "#;
 
-/// Two slabs that overlap or touch are one; apart, even by 1e-7 m, they are two with air between them. Nothing is
-/// infinite, and no ray goes on forever.
+/// Two slabs that overlap or touch are one; apart, even by 1e-7 m, they are two with air between
+/// them. Nothing is infinite, and no ray goes on forever.
 #[test]
 fn surfaces_at_no_distance() {
     // (1 - R) / (1 + (2m - 1) R) of m slabs with R = 0.04 per face
@@ -143,7 +147,8 @@ fn surfaces_at_no_distance() {
         for kind in [Light, Bdpt] {
             let through = two * mean(second, kind) / apart;
             println!("second slab at {second}: {through}");
-            // of 20 000 paths that meet the detector, each passes or not: 4.5 standard errors of 0.0025 each, of both images
+            // of 20 000 paths that meet the detector, each passes or not: 4.5 standard errors of
+            // 0.0025 each, of both images
             assert!(
                 (through - expected).abs() < 0.016,
                 "second slab at {second} by {kind:?}: {through}, expected {expected}"

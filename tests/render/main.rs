@@ -1,4 +1,5 @@
-//! Whole renders of small scenes: integrators against each other, against closed forms, and against themselves.
+//! Whole renders of small scenes: integrators against each other, against closed forms, and against
+//! themselves.
 
 #![allow(
     clippy::print_stdout,

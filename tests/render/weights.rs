@@ -1,8 +1,9 @@
-//! The mean does not depend on how strategies are weighted: `path` against `bdpt` under every heuristic and under random variance
-//! factors of 1 to 100 for every strategy, with and without cones.
+//! The mean does not depend on how strategies are weighted: `path` against `bdpt` under every
+//! heuristic and under random variance factors of 1 to 100 for every strategy, with and without
+//! cones.
 //!
-//! A comparison resolves 1 % of the mean and fails beyond 4.5 standard errors of the difference. A numerator without its factor
-//! would move the mean by tens of percent.
+//! A comparison resolves 1 % of the mean and fails beyond 4.5 standard errors of the difference. A
+//! numerator without its factor would move the mean by tens of percent.
 
 use super::equality::compare;
 use super::harness::{Estimate, full_crop, scene, test_scale};

@@ -14,13 +14,15 @@ pub struct DevelopOptions {
     /// The picture to write; NAME.png in the working directory otherwise
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Exposure in stops; by the picture itself otherwise (of detectors: the largest value is white)
+    /// Exposure in stops; by the picture itself otherwise (of detectors: the largest value is
+    /// white)
     #[arg(long, value_name = "EV", value_parser = values::stops, allow_negative_numbers = true)]
     pub exposure: Option<f64>,
     /// Tone curve; filmic otherwise, of detectors linear
     #[arg(long, value_enum, value_name = "NAME")]
     pub tone: Option<ToneCurve>,
-    /// The color that is to be white: none (D65), scene (the mean of the picture), R,G,B, a temperature such as 3200K, or a spectrum such as D50
+    /// The color that is to be white: none (D65), scene (the mean of the picture), R,G,B, a
+    /// temperature such as 3200K, or a spectrum such as D50
     #[arg(long, value_name = "COLOR", default_value = "none", value_parser = values::white)]
     pub white: White,
     /// The display

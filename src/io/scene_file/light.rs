@@ -189,7 +189,7 @@ keys! {
         beam: Option<Given<BeamKeys>>;
         /// Light from all around.
         environment: Option<Given<EnvironmentKeys>>;
-        /// What moves it, without `scale`; of the motion of an environment only turns matter.
+        /// Motion, without `scale`; of the motion of an environment only turns matter.
         motion: Motion<false>;
         /// The medium it is in; checked, and needed only where solids are open.
         medium: Option<MediumUse>, or "what is there";

@@ -37,11 +37,11 @@ keys! {
         r#box as "box": Option<Given<BoxKeys>>;
         /// A mesh, read once for all objects that use the same.
         mesh: Option<MeshSource>;
-        /// What the surface is made of.
+        /// Material of the surface.
         material: Option<MaterialUse>, or "black";
         /// Steps that place it, applied in order.
         transform: Steps;
-        /// What moves it after that.
+        /// Motion after that.
         motion: Motion<true>;
         /// The medium of a closed shape (sphere, box, closed mesh).
         interior: Option<At<MediumUse>>, or "none";
@@ -53,7 +53,8 @@ keys! {
         emission: Option<SurfaceEmission>, unit "W/(m² sr nm)", or "none";
         /// With `emission`: emits from the back too.
         two_sided: Option<bool>, or "false";
-        /// With `emission`: the medium in front of it; checked, and needed only where solids are open.
+        /// With `emission`: the medium in front of it; checked, and needed only where solids are
+        /// open.
         medium: Option<MediumUse>, or "what is there";
     }
 }

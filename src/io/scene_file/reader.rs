@@ -34,7 +34,7 @@ pub type Definitions<T> = BTreeMap<String, Option<T>>;
 /// Files, each at its moment: what a mesh is made of.
 pub type MeshKey = Vec<(u64, PathBuf)>;
 
-/// What reading gathers and looks up.
+/// State of a reading: what it gathers and looks up.
 pub struct Reader<'s> {
     source: &'s Source,
     /// Where files are looked for; `None`: there are none.
@@ -69,9 +69,9 @@ pub struct Reader<'s> {
     pub black: u32,
     /// Whether anything has a motion.
     pub moves: bool,
-    /// What is legal but surely not meant.
+    /// Warnings of what is legal but surely not meant.
     pub warnings: Vec<String>,
-    /// What was not understood of other files, one line each.
+    /// Notes on what was not understood of other files, one line each.
     pub notes: Vec<String>,
     /// The media that emissions, lights and sensors are said to be in.
     pub named_media: Vec<(Subject, MediumId)>,
@@ -306,7 +306,8 @@ impl<'s> Reader<'s> {
         found
     }
 
-    /// The filter of a sensor: what it names, else what the file does, else the default of its kind.
+    /// The filter of a sensor: what it names, else what the file does, else the default of its
+    /// kind.
     pub fn film_filter(
         &self,
         kind: Option<FilterKind>,

@@ -257,8 +257,8 @@ keys! {
         /// The radius of pass i = 0, 1, ... is that of pass 0 times (i + 1)^(-(1 - alpha)/2), at
         /// least 1e-5 of the scene's radius.
         merge_alpha: f64, in PROBABILITY, default Merging::default().alpha;
-        /// What the paths of a pass share where photons are merged. With `"stratified"` the error
-        /// estimated from even and odd passes is only a guide.
+        /// Wavelengths and time that the paths of a pass share where photons are merged. With
+        /// `"stratified"` the error estimated from even and odd passes is only a guide.
         sharing: Sharing, default Merging::default().sharing;
     }
 }

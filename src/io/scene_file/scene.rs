@@ -31,7 +31,7 @@ keys! {
         unit: Unit, default Unit;
         /// How the scene is rendered.
         render: Option<Given<RenderKeys>>;
-        /// What is where no solid is.
+        /// Medium where no solid is.
         ambient: Ambient, or "vacuum, n = 1";
         /// Cameras and detectors. At least one, but for scenes with a model: there the model's
         /// cameras, or one that sees all of it, stand in.

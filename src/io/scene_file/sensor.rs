@@ -246,7 +246,7 @@ keys! {
     /// A rectangle that measures irradiance, on the side of u x v (of `normal`). Columns run along
     /// u, row 0 is at +v. Either `u` and `v`, or `normal`, `width` and `height` (and `up`).
     DetectorKeys = "detector" {
-        /// Its center.
+        /// Center of the plane.
         center: Point;
         /// Half an edge, to the right.
         u: Option<Point>;
@@ -344,7 +344,7 @@ keys! {
         /// [open, close], open <= close: the image is the mean over this time. Open for a moment
         /// only, it shows things as they are then.
         shutter: Shutter, unit "seconds", default Shutter::default();
-        /// What moves it, without `scale`.
+        /// Motion, without `scale`.
         motion: Motion<false>;
         /// The medium it is in; checked, and needed only where solids are open.
         medium: Option<At<MediumName>>, or "what is there";

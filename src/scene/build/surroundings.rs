@@ -1,4 +1,5 @@
-//! Solids put right, and what each surface has around it: what touches it, and which segments it stops.
+//! Solids put right, and what each surface has around it: what touches it, and which segments it
+//! stops.
 
 use super::{BuildError, Builder, Subject};
 use crate::geometry::contact::{Region, contacts, overlaps};
@@ -40,7 +41,8 @@ impl Builder {
         Ok(())
     }
 
-    /// What each object has around it: surfaces that touch it, and solids that decide about segments. The contacts.
+    /// Surroundings of each object: surfaces that touch it, and solids that decide about segments.
+    /// The contacts.
     pub(super) fn surroundings(&mut self, accel: &Accel) -> Result<Vec<Contact>, BuildError> {
         let contacts = contacts(accel);
         for contact in &contacts {
@@ -84,8 +86,8 @@ fn add_region(regions: &mut Vec<Region>, region: Region) {
     }
 }
 
-/// What the faces of an object do to segments. By itself, without other solids around, a boundary always changes the
-/// medium, or never.
+/// Effect of the faces of an object on segments. By itself, without other solids around, a boundary
+/// always changes the medium, or never.
 fn passage(object: &Object, among_solids: bool, ambient: MediumId) -> Passage {
     if object.transparent_sensor || object.has_alpha {
         return Passage::Free;

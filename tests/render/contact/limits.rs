@@ -1,7 +1,8 @@
 //! Contact is the limit of a small overlap or gap, by every integrator.
 //!
-//! Each scene is built twice: with its parts in contact, and with one of them moved by 2^-20 so that which comes first is a
-//! matter of geometry. Both must have one mean, and all integrators that of the first.
+//! Each scene is built twice: with its parts in contact, and with one of them moved by 2^-20 so
+//! that which comes first is a matter of geometry. Both must have one mean, and all integrators
+//! that of the first.
 
 use super::super::equality::LIMIT;
 use super::super::harness::Estimate;
@@ -58,8 +59,9 @@ fn block(low: f64, high: f64) -> String {
     format!("box = {{ min = [-1, -1, {low}], max = [1, 1, {high}] }}")
 }
 
-/// Fails unless every integrator finds the same mean in both scenes, and all of them one mean. The two scenes are rendered
-/// with the same numbers, so that their difference is known far better than either.
+/// Fails unless every integrator finds the same mean in both scenes, and all of them one mean. The
+/// two scenes are rendered with the same numbers, so that their difference is known far better than
+/// either.
 fn same(what: &str, contact: &str, limit: &str) {
     let mut reference: Option<Estimate> = None;
     for kind in ALL {

@@ -50,8 +50,8 @@ resolution = [1, 1]
 detector = { center = [0, 0, 2], normal = [0, 0, -1], width = 0.5, height = 0.5 }
 "#;
 
-/// A lamp and a detector with two faces of glass between them: a segment that starts in glass is stopped by its own
-/// solid's faces, and what arrives is refracted twice.
+/// A lamp and a detector with two faces of glass between them: a segment that starts in glass is
+/// stopped by its own solid's faces, and what arrives is refracted twice.
 #[test]
 fn a_segment_is_stopped_by_faces_of_its_own_solid() {
     let cut = "[[object]]\nbox = { min = [-5, -5, -2], max = [5, 5, 3] }\nmaterial = \"clear\"\ninterior = \"glass\"
@@ -73,7 +73,8 @@ fn a_segment_is_stopped_by_faces_of_its_own_solid() {
     }
 }
 
-/// Solids hidden inside one of higher priority, and solids of the same medium, stop nothing: I/d² is left.
+/// Solids hidden inside one of higher priority, and solids of the same medium, stop nothing: I/d²
+/// is left.
 #[test]
 fn a_segment_passes_what_is_hidden_and_what_is_the_same() {
     let hidden = "[[object]]\nbox = { min = [-5, -5, -2], max = [5, 5, 3] }\nmaterial = \"clear\"\ninterior = \"glass\"\npriority = 1
@@ -135,8 +136,8 @@ environment = { radiance = { lines = [[550, 1]] } }
     }
 }
 
-/// Slabs of index 1.5 and 1.8 in optical contact, at normal incidence: three interfaces with all their reflections. A film
-/// of air between them takes more.
+/// Slabs of index 1.5 and 1.8 in optical contact, at normal incidence: three interfaces with all
+/// their reflections. A film of air between them takes more.
 #[test]
 fn slabs_in_optical_contact_have_three_interfaces() {
     let text = |gap: f64| {

@@ -1,5 +1,6 @@
-//! Scenes made of random parts on a coarse grid, so that many nest, overlap and touch: every integrator has the means of the
-//! reference, by class of path, at any scale and far from the origin.
+//! Scenes made of random parts on a coarse grid, so that many nest, overlap and touch: every
+//! integrator has the means of the reference, by class of path, at any scale and far from the
+//! origin.
 
 use super::super::equality::LIMIT;
 use super::super::harness::{Estimate, measure, with};
@@ -20,7 +21,7 @@ const PASSES: u32 = 4;
 const SIDE: u32 = 4;
 const MAX_DEPTH: usize = 5;
 const SKY: f64 = 0.3;
-/// What is compared: all, and classes by what they hold.
+/// Quantities compared: all, and classes by what they hold.
 const CLASSES: [&str; 3] = ["L[DS]?E", "LD+E", "L[DS]*S[DS]+E"];
 
 struct Numbers {

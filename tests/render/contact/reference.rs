@@ -1,6 +1,6 @@
-//! A tracer of its own for scenes of boxes, balls and rectangles: at every step it lists all faces on the ray, takes those
-//! that are equally far for one crossing, and sorts them by the rule. Which medium is where it asks of the point, not of a
-//! stack.
+//! A tracer of its own for scenes of boxes, balls and rectangles: at every step it lists all faces
+//! on the ray, takes those that are equally far for one crossing, and sorts them by the rule. Which
+//! medium is where it asks of the point, not of a stack.
 
 use std::collections::BTreeMap;
 
@@ -168,7 +168,8 @@ fn cosine_about(n: V, u: f64, v: f64) -> V {
     unit(add(flat, times(n, (1.0 - u).sqrt())))
 }
 
-/// Irradiance on the detector (the last body), by class of path: one sample. `sky` is the radiance from infinity.
+/// Irradiance on the detector (the last body), by class of path: one sample. `sky` is the radiance
+/// from infinity.
 pub fn sample(
     bodies: &[Body],
     sky: f64,
