@@ -397,7 +397,8 @@ impl Material {
         Self::mix([(1.0, LobeSpec::Conductor { ior, alpha, tint })])
     }
 
-    /// The interface between the media on both sides of a surface, of GGX roughness `alpha` (0: smooth).
+    /// The interface between the media on both sides of a surface, of GGX roughness `alpha` (0:
+    /// smooth).
     #[must_use]
     pub fn interface(alpha: f64) -> Self {
         let lobe = LobeSpec::Dielectric {
@@ -408,8 +409,8 @@ impl Material {
         Self::mix([(1.0, lobe)])
     }
 
-    /// Appends the (weight, lobe) pairs of the point with texture coordinates `uv`. Lobes of weight 0 are left out, and any
-    /// beyond the fourth.
+    /// Appends the (weight, lobe) pairs of the point with texture coordinates `uv`. Lobes of weight
+    /// 0 are left out, and any beyond the fourth.
     pub fn push_lobes(
         &self,
         uv: DVec2,
@@ -439,8 +440,8 @@ impl Material {
         out.extend(lobes);
     }
 
-    /// Adds what its rough lobes look up. The indices of dielectric interfaces are for the caller to
-    /// add, who knows the media; whether there are any rough ones is told.
+    /// Adds what its rough lobes look up. The indices of dielectric interfaces are for the caller
+    /// to add, who knows the media; whether there are any rough ones is told.
     pub fn add_needs(&self, needs: &mut Needs) -> bool {
         let mut is_rough_interface = false;
         for (_, lobe) in self.lobes.iter().filter(|_| !self.single_scattering) {

@@ -9,7 +9,8 @@ use arrayvec::ArrayVec;
 pub struct MediumId(pub u32);
 
 impl MediumId {
-    /// The medium of everything unless a solid says otherwise (air, n = 1, unless the scene names another).
+    /// The medium of everything unless a solid says otherwise (air, n = 1, unless the scene names
+    /// another).
     pub const AMBIENT: Self = Self(0);
 }
 
@@ -73,8 +74,8 @@ impl Medium {
 }
 
 impl MediumLanes {
-    /// Beer-Lambert transmittance over `distance` (m); 1 over an infinite one, for light from infinity is given as it
-    /// arrives.
+    /// Beer-Lambert transmittance over `distance` (m); 1 over an infinite one, for light from
+    /// infinity is given as it arrives.
     #[must_use]
     pub fn transmittance(&self, distance: f64) -> SampledSpectrum {
         match &self.absorption {
@@ -86,8 +87,8 @@ impl MediumLanes {
     }
 }
 
-/// Precedence of a solid where solids overlap: the larger wins; ties are broken by the instance, so that the order is total
-/// and does not depend on the direction of travel.
+/// Precedence of a solid where solids overlap: the larger wins; ties are broken by the instance, so
+/// that the order is total and does not depend on the direction of travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Rank {
     /// The scene's number; larger wins.
@@ -99,16 +100,16 @@ pub struct Rank {
 /// How a surface separates media.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Boundary {
-    /// It does not (opaque surfaces, thin sheets, sensors).
+    /// No boundary (opaque surfaces, thin sheets, sensors).
     None,
-    /// It closes a solid filled with a medium.
+    /// Boundary of a solid filled with a medium.
     Solid {
-        /// What fills it.
+        /// Medium that fills the solid.
         medium: MediumId,
-        /// Its precedence.
+        /// Precedence of the solid.
         priority: i32,
     },
-    /// It names the media on both sides (lens surfaces).
+    /// Surface that names the media on both sides (lens surfaces).
     Interface {
         /// On the side the geometric normal points to.
         above: MediumId,
@@ -174,18 +175,9 @@ impl MediumStack {
     }
 }
 
-/// The medium at a place and the solid it belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Region {
-    /// The medium.
-    pub medium: MediumId,
-    /// The solid of highest rank there; `None` outside all solids.
-    pub rank: Option<Rank>,
-}
-
 impl MediumStack {
-    /// Whether `boundary` of `solid` can be met here from this side: solids are left only from inside, and interfaces name the medium
-    /// that is really there.
+    /// Whether `boundary` of `solid` can be met here from this side: solids are left only from
+    /// inside, and interfaces name the medium that is really there.
     #[must_use]
     pub fn agrees(&self, boundary: Boundary, solid: InstanceId, entering: bool) -> bool {
         match boundary {
@@ -196,38 +188,14 @@ impl MediumStack {
             }
         }
     }
-
-    /// The region here.
-    #[must_use]
-    pub fn region(&self) -> Region {
-        Region {
-            medium: self.medium(),
-            rank: self.rank(),
-        }
-    }
-}
-
-impl Region {
-    /// Whether a segment inside this region passes `boundary` of `solid` without a vertex: the solid is hidden by the region's own
-    /// (lower rank), or the medium does not change. Only for clear interfaces.
-    #[must_use]
-    pub fn passes(&self, boundary: Boundary, solid: InstanceId) -> bool {
-        match boundary {
-            Boundary::None => false,
-            Boundary::Solid { medium, priority } => {
-                let rank = Rank { priority, solid };
-                self.rank.is_some_and(|own| rank < own) || medium == self.medium
-            }
-            Boundary::Interface { above, below } => above == below,
-        }
-    }
 }
 
 /// Absorption coefficient in 1/m that leaves `transmittance` after `distance_m`, at every nanometer
 /// of the range and at the points of its table.
 #[must_use]
 pub fn absorption_of(transmittance: &Curve, distance_m: f64, [low, high]: [f64; 2]) -> Curve {
-    // what lets nothing through over the distance lets 1e-6 through, so that coefficients stay finite
+    // what lets nothing through over the distance lets 1e-6 through, so that coefficients stay
+    // finite
     let coefficient = |nm: f64| -transmittance.eval(nm).max(1e-6).ln() / distance_m;
     if let Curve::Constant(_) = transmittance {
         return Curve::Constant(coefficient(low));

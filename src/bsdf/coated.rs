@@ -4,9 +4,9 @@
 //! g = ρ/(π η²) T(ω⁻) T(ω⁺) / (1 - R̄) with T = 1 - R of the layer and R̄ the mean of R over the
 //! hemisphere: symmetric, and under a layer of full strength a white base and the layer reflect
 //! together exactly what arrives (the coupling of Ashikhmin and Shirley 2000, with the exact
-//! reflectance in place of Schlick's). R is Fresnel's for a smooth layer; for a rough one it is what
-//! its facets reflect at once: what they send to other facets, of which few reflect, goes to the
-//! base.
+//! reflectance in place of Schlick's). R is Fresnel's for a smooth layer; for a rough one it is
+//! what its facets reflect at once: what they send to other facets, of which few reflect, goes to
+//! the base.
 
 use super::albedo::profile::Blend;
 use super::microfacet::Ggx;

@@ -24,16 +24,11 @@ impl Metal {
         fresnel::conductor(cos, eta, n, k) * f64::from(self.tint[lane])
     }
 
-    /// Shares per lane, above and below, that are left of the light that facets of mean loss `lost`
-    /// hold back.
-    fn shares_left(&self, lost: f64, interface: &Interface) -> [SampledSpectrum; 2] {
-        let side = |above| {
-            let eta = interface.near(above);
-            interface.lanes(|k| share_left(lost, |cos| self.reflectance(k, cos, eta[k])))
-        };
-        let above = side(true);
-        let is_alike = interface.eta_above == interface.eta_below;
-        [above, if is_alike { above } else { side(false) }]
+    /// Shares per lane that are left of the light that facets of mean loss `lost` hold back on the
+    /// side `above`.
+    fn shares_left(&self, lost: f64, above: bool, interface: &Interface) -> SampledSpectrum {
+        let eta = interface.near(above);
+        interface.lanes(|k| share_left(lost, |cos| self.reflectance(k, cos, eta[k])))
     }
 }
 
@@ -70,9 +65,8 @@ pub struct Conductor {
     pub ggx: Ggx,
     /// Reflection at each facet.
     pub metal: Metal,
-    /// Share per lane, above and below, that is left of light after more than one facet; `None`:
-    /// it is lost.
-    multiple: Option<[SampledSpectrum; 2]>,
+    /// Share per lane that is left above of light after more than one facet; `None`: it is lost.
+    multiple: Option<SampledSpectrum>,
 }
 
 impl Conductor {
@@ -91,17 +85,14 @@ impl Conductor {
     pub fn new(ggx: Ggx, metal: Metal, interface: &Interface) -> Self {
         let lost = interface.albedos.lost_by_reflector(&ggx);
         Self {
-            multiple: lost.map(|lost| metal.shares_left(lost.mean(), interface)),
+            multiple: lost.map(|lost| metal.shares_left(lost.mean(), true, interface)),
             ..Self::single(ggx, metal)
         }
     }
 
-    fn multiple<'a>(
-        &self,
-        interface: &Interface<'a>,
-    ) -> Option<(Reflection<'a>, &[SampledSpectrum; 2])> {
-        let shares = self.multiple.as_ref()?;
-        Some((Reflection::new(interface.albedos, &self.ggx)?, shares))
+    fn multiple<'a>(&self, interface: &Interface<'a>) -> Option<Reflection<'a>> {
+        self.multiple?;
+        Reflection::new(interface.albedos, &self.ggx)
     }
 
     pub(super) fn eval(
@@ -121,10 +112,15 @@ impl Conductor {
         let jacobian = 0.25 / cos;
         eval.pdf_camera = self.ggx.visible_pdf(w_light, m) * jacobian;
         eval.pdf_light = self.ggx.visible_pdf(w_camera, m) * jacobian;
-        if let Some((multiple, [above, below])) = self.multiple(interface) {
+        if let (Some(multiple), Some(above)) = (self.multiple(interface), self.multiple) {
             let kernel = multiple.kernel(w_light, w_camera);
-            let share = if w_light.z > 0.0 { above } else { below };
-            eval.g += interface.lanes(|k| kernel / (eta[k] * eta[k])) * *share;
+            let is_like_above = w_light.z > 0.0 || interface.eta_above == interface.eta_below;
+            let share = if is_like_above {
+                above
+            } else {
+                self.metal.shares_left(multiple.lost(), false, interface)
+            };
+            eval.g += interface.lanes(|k| kernel / (eta[k] * eta[k])) * share;
             let mix = |single: f64, given: DVec3, generated: DVec3| {
                 let p = multiple.probability(given);
                 single + p * (multiple.density(generated) - single)
@@ -144,7 +140,7 @@ impl Conductor {
         u: [f64; 3],
     ) -> Option<DVec3> {
         let [choice, x, y] = u;
-        if let Some((multiple, _)) = self.multiple(interface)
+        if let Some(multiple) = self.multiple(interface)
             && choice < multiple.probability(given)
         {
             return Some(multiple.generate([x, y]));

@@ -45,7 +45,8 @@ impl<'a> Interface<'a> {
         out
     }
 
-    /// Indices above and below, averaged over the lanes in use: the same whichever lane is the hero.
+    /// Indices above and below, averaged over the lanes in use: the same whichever lane is the
+    /// hero.
     pub(super) fn mean_indices(&self) -> [f64; 2] {
         if !self.dispersive {
             return [self.eta_above[0], self.eta_below[0]];

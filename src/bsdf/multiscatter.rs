@@ -36,6 +36,12 @@ impl<'a> Reflection<'a> {
         tables.lost_by_reflector(ggx).map(Self)
     }
 
+    /// Mean share of diffuse light that facets hold back.
+    #[must_use]
+    pub fn lost(&self) -> f64 {
+        self.0.mean()
+    }
+
     /// Kernel of a perfect reflector in a medium of index 1, between directions on one side.
     #[must_use]
     pub fn kernel(&self, a: DVec3, b: DVec3) -> f64 {

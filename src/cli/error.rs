@@ -29,7 +29,7 @@ pub enum CliError {
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault, in words.
         message: String,
     },
     /// An output that would destroy something.

@@ -33,7 +33,7 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
         )));
     }
     let image = image::of_part(&merged)?;
-    write_image(
+    let preview = write_image(
         &options.output,
         &image,
         preview.as_deref(),
@@ -51,6 +51,9 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
         ]
         .map(|(n, one, several)| format!("{n} {}", if n == 1 { one } else { several }));
         print(&format!("{}: {part}, {pass}\n", options.output.display()));
+        if let Some(text) = preview {
+            print(&format!("  preview   {text}\n"));
+        }
     }
     Ok(Outcome::Done)
 }

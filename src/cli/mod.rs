@@ -1,12 +1,15 @@
-//! The command line: parses, runs one command, turns the outcome into an exit code. Only this floor prints.
+//! The command line: parses, runs one command, turns the outcome into an exit code. Only this floor
+//! prints.
 //!
-//! Results go to stdout; progress, warnings and errors go to stderr, errors as one line each beginning with `error:`.
+//! Results go to stdout; progress, warnings and errors go to stderr, errors as one line each
+//! beginning with `error:`.
 
 mod args;
 mod banding;
 mod compare;
 mod convert;
 mod cost;
+mod develop;
 mod error;
 mod glass;
 mod image_output;
@@ -37,11 +40,12 @@ const INTERRUPTED: u8 = 130;
 pub enum Outcome {
     /// Everything asked for was done.
     Done,
-    /// It was interrupted; what there was has been saved.
+    /// Interrupted; what there was has been saved.
     Interrupted,
 }
 
-/// Runs the command line of this process: 0 done, 1 failed, 2 usage, 130 interrupted with the image saved.
+/// Runs the command line of this process: 0 done, 1 failed, 2 usage, 130 interrupted with the image
+/// saved.
 #[must_use]
 pub fn run() -> ExitCode {
     let arguments = match Arguments::try_parse() {
@@ -57,6 +61,7 @@ pub fn run() -> ExitCode {
         Command::Info(options) => info::run(&options),
         Command::Cost(options) => cost::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Develop(options) => develop::run(&options),
         Command::Glass(options) => glass::run(&options),
         Command::Keys(options) => Ok(keys::run(&options)),
         Command::Lens(options) => lens::run(&options),
@@ -90,7 +95,8 @@ fn harmless(text: &str) -> String {
     text.chars().map(shown).collect()
 }
 
-/// Writes to stdout. A reader that has closed the pipe (`abbe info SCENE | head`) ends the output, not the command.
+/// Writes to stdout. A reader that has closed the pipe (`abbe info SCENE | head`) ends the output,
+/// not the command.
 fn print(text: &str) {
     use std::io::Write;
     _ = std::io::stdout()

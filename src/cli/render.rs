@@ -1,4 +1,5 @@
-//! `abbe render`: loads, renders each sensor pass by pass, writes images, statistics and part files.
+//! `abbe render`: loads, renders each sensor pass by pass, writes images, statistics and part
+//! files.
 
 use super::args::RenderOptions;
 use super::image_output::{check_ending, preview_path};
@@ -27,7 +28,7 @@ use std::time::Duration;
 /// Passes after which an image that is all black is worth a word.
 const PASSES_TO_SEE: u64 = 16;
 
-/// What all sensors share.
+/// Parts that all sensors share.
 struct Job<'a> {
     options: &'a RenderOptions,
     loaded: &'a Loaded,
@@ -311,7 +312,7 @@ impl Job<'_> {
         };
         progress.clear();
         let render = session.render();
-        saver.finish(&render)?;
+        let preview = saver.finish(&render)?;
         if (render.passes().len() as u64) < PASSES_TO_SEE {
             self.warn_of_black(&render);
         }
@@ -324,11 +325,13 @@ impl Job<'_> {
         );
         stats.forecast = session.forecast(options.target_error);
         if !options.quiet {
-            let exposure = targets
-                .preview
-                .as_deref()
-                .map(|path| (path, options.exposure));
-            print(&summary::sensor(&targets.image, exposure, &stats));
+            let preview = preview.as_deref();
+            print(&summary::sensor(
+                &targets.image,
+                preview,
+                &stats,
+                &loaded.scene,
+            ));
         }
         Ok(stats)
     }

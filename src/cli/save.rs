@@ -97,7 +97,7 @@ impl<'a> Saver<'a> {
             session.set_save_interval(Some(interval));
         }
         match written {
-            Ok(()) if std::mem::take(&mut self.failing) => {
+            Ok(_) if std::mem::take(&mut self.failing) => {
                 tell("warning: saving works again: nothing is lost");
             }
             Err(error) if !std::mem::replace(&mut self.failing, true) => {
@@ -110,18 +110,18 @@ impl<'a> Saver<'a> {
     }
 
     /// Saves what the render has come to, and waits where that fails, for a while or until another
-    /// interrupt.
+    /// interrupt. Says of the preview what a user should know.
     ///
     /// # Errors
     /// There is no pass, or it could not be saved.
-    pub fn finish(&mut self, render: &Render) -> Result<(), CliError> {
+    pub fn finish(&mut self, render: &Render) -> Result<Option<String>, CliError> {
         if render.passes().is_empty() {
             return Err(CliError::Failed("there is no pass to render".to_owned()));
         }
         let (began, interrupts) = (Instant::now(), self.interrupts.count());
         loop {
             let error = match self.write(render) {
-                Ok(()) => return Ok(()),
+                Ok(preview) => return Ok(preview),
                 Err(error) => error,
             };
             let gives_up = began.elapsed() > PATIENCE || self.interrupts.count() > interrupts;
@@ -138,7 +138,7 @@ impl<'a> Saver<'a> {
         }
     }
 
-    fn write(&self, render: &Render) -> Result<(), CliError> {
+    fn write(&self, render: &Render) -> Result<Option<String>, CliError> {
         let _saving = self.interrupts.hold();
         let part = self.options.part.as_deref();
         let written = part.map(|path: &Path| part::write(path, &part::of(render)));
@@ -148,14 +148,14 @@ impl<'a> Saver<'a> {
         image
     }
 
-    fn write_images(&self, render: &Render) -> Result<(), CliError> {
+    fn write_images(&self, render: &Render) -> Result<Option<String>, CliError> {
         let mut image = image::of(render);
         layers::add(&mut image, &self.options.aov, render, self.guides);
         let (preview, exposure) = (self.targets.preview.as_deref(), self.options.exposure);
-        write_image(&self.targets.image, &image, preview, exposure)?;
+        let preview = write_image(&self.targets.image, &image, preview, exposure)?;
         if let (Some(path), Some(image)) = (&self.targets.spectral, image::spectral_of(render)) {
-            write_image(path, &image, None, 0.0)?;
+            write_image(path, &image, None, None)?;
         }
-        Ok(())
+        Ok(preview)
     }
 }

@@ -44,7 +44,7 @@ pub fn folder(path: &Path) -> &Path {
 /// Replaces `path` by what `write` writes. The old file is untouched unless all of it succeeds.
 ///
 /// # Errors
-/// What `write` or the file system reports.
+/// Error that `write` or the file system reports.
 pub fn write_atomic(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,

@@ -63,13 +63,13 @@ fn inode(_: &Path) -> Option<(u64, u64)> {
 /// Why an output is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ClaimError {
-    /// It cannot be written.
+    /// The file cannot be written.
     #[error(transparent)]
     Unwritable(#[from] FileError),
-    /// It is an input of the same command.
+    /// The file is an input of the same command.
     #[error("{} is read by this command: it would be lost (allowed: another file)", .0.display())]
     Input(PathBuf),
-    /// It is another output of the same command.
+    /// The file is another output of the same command.
     #[error("{} would be written twice{}", path.display(), also(path, other))]
     Twice {
         /// As it was named.
@@ -87,7 +87,7 @@ fn also(path: &Path, other: &Path) -> String {
     }
 }
 
-/// What a file is to a command.
+/// Role of a file in a command.
 #[derive(Clone, Debug)]
 enum Role {
     Read,
@@ -124,7 +124,7 @@ impl Claims {
     /// Claims a file for an output. Leaves nothing behind.
     ///
     /// # Errors
-    /// It cannot be written, or it is an input or another output.
+    /// The file cannot be written, or is an input or another output.
     pub fn output(&mut self, path: &Path) -> Result<(), ClaimError> {
         check_writable(path)?;
         let file = destination(path).map_err(|e| FileError::new(path, e))?;

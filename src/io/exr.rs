@@ -1,8 +1,8 @@
-//! OpenEXR images of XYZ values and of spectra (design of the channels: Fichet, Pacanowski, Wilkie, "An OpenEXR Layout for
-//! Spectral Images", JCGT 2021).
+//! OpenEXR images of XYZ values and of spectra (design of the channels: Fichet, Pacanowski, Wilkie,
+//! "An OpenEXR Layout for Spectral Images", JCGT 2021).
 //!
-//! Channels are 32-bit floats in ZIP-compressed scan lines, lossless. The chromaticities (1,0), (0,1), (0,0) with white
-//! (1/3,1/3) say that the numbers are XYZ.
+//! Channels are 32-bit floats in ZIP-compressed scan lines, lossless. The chromaticities (1,0),
+//! (0,1), (0,0) with white (1/3,1/3) say that the numbers are XYZ.
 
 use super::atomic::{FileError, write_atomic};
 use super::exr_header::sort_attributes;
@@ -35,7 +35,7 @@ pub enum MetadataValue {
     Pair([f32; 2]),
 }
 
-/// What the image says about itself, in the order given (readers sort by name).
+/// Attributes of the image, in the order given (readers sort by name).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImageMetadata {
     /// (name, value).
@@ -88,9 +88,24 @@ impl ExrImage {
     /// The interleaved values of X, Y and Z, if all are there.
     #[must_use]
     pub fn xyz(&self) -> Option<Vec<f64>> {
+        self.interleaved(XYZ.map(|name| self.channel(name)))
+    }
+
+    /// The interleaved X, Y and Z of a layer; of one with a single channel three times its values.
+    #[must_use]
+    pub fn layer_xyz(&self, layer: &str) -> Option<Vec<f64>> {
+        let channels = XYZ.map(|name| self.channel(&format!("{layer}.{name}")));
+        let single = channels.iter().flatten().next().copied();
+        match channels.iter().flatten().count() {
+            1 => self.interleaved([single; 3]),
+            _ => self.interleaved(channels),
+        }
+    }
+
+    fn interleaved(&self, channels: [Option<&[f32]>; 3]) -> Option<Vec<f64>> {
         let mut xyz = vec![0.0; 3 * self.crop.pixels() as usize];
-        for (c, name) in XYZ.into_iter().enumerate() {
-            for (pixel, value) in self.channel(name)?.iter().enumerate() {
+        for (c, channel) in channels.into_iter().enumerate() {
+            for (pixel, value) in channel?.iter().enumerate() {
                 xyz[3 * pixel + c] = f64::from(*value);
             }
         }
@@ -109,7 +124,7 @@ pub enum ExrError {
     Format {
         /// The file.
         path: PathBuf,
-        /// What the decoder says.
+        /// Message of the decoder.
         message: String,
     },
     /// An image that cannot be encoded.
@@ -117,7 +132,7 @@ pub enum ExrError {
     Encode {
         /// The file.
         path: PathBuf,
-        /// What the encoder says.
+        /// Message of the encoder.
         message: String,
     },
     /// More than is read.
@@ -125,7 +140,7 @@ pub enum ExrError {
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// What is too large.
+        /// Quantity that is too large.
         what: &'static str,
         /// How large it is.
         size: u64,
@@ -187,7 +202,8 @@ pub fn xyz_channels(xyz: &[f64]) -> Vec<Channel> {
 /// Writes an image. A channel `name.x` stays in the one layer (viewers group by the dot).
 ///
 /// # Errors
-/// The file cannot be written, or a channel does not fit the crop. An older file of the name stays in that case.
+/// The file cannot be written, or a channel does not fit the crop. An older file of the name stays
+/// in that case.
 pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     let pixels = image.crop.pixels();
     for channel in &image.channels {

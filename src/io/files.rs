@@ -27,7 +27,7 @@ pub enum FileProblem {
     TooLarge {
         /// The path as written.
         path: String,
-        /// Its size.
+        /// Size of the file.
         bytes: u64,
         /// The limit in bytes.
         limit: u64,
@@ -42,8 +42,8 @@ pub enum FileProblem {
     },
 }
 
-/// The file `name` in `folder`, which must be a plain relative path that does not leave the folder, also not by a
-/// symbolic link, and at most `limit` bytes.
+/// The file `name` in `folder`, which must be a plain relative path that does not leave the folder,
+/// also not by a symbolic link, and at most `limit` bytes.
 pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, FileProblem> {
     let plain = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
     if !Path::new(name).components().all(plain) || name.contains('\\') {
@@ -75,7 +75,7 @@ pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, FileProble
 /// The bytes of a regular file of at most `limit` bytes: pipes and devices may never end.
 ///
 /// # Errors
-/// It cannot be read, is no regular file, or is larger.
+/// The file cannot be read, is no regular file, or is larger.
 pub fn read_regular(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     let refused = |text: String| Err(io::Error::new(io::ErrorKind::InvalidInput, text));
     // a pipe is not even opened: that would wait for a writer

@@ -1,5 +1,5 @@
-//! Identity of a render: what its images and parts say of how they were made, and the hash that tells whether parts belong
-//! together.
+//! Identity of a render: what its images and parts say of how they were made, and the hash that
+//! tells whether parts belong together.
 
 use super::part::{PartHeader, PassRange};
 use crate::camera::CameraKind;
@@ -89,10 +89,16 @@ pub fn header(render: &Render) -> PartHeader {
         height: size.height,
         crop: [crop.x0, crop.y0, crop.x1, crop.y1],
         channels: 3,
+        pilot: render.factors().map_or(0, |found| found.passes.0),
         image: BTreeMap::from_iter(named),
         passes: pass_ranges(render.passes(), settings.seed),
     }
 }
+
+/// Attribute that tells images of cameras from those of detectors.
+pub const SENSOR_KIND: &str = "sensorKind";
+/// Value for a detector.
+pub const DETECTOR: &str = "detector";
 
 /// Attributes of every image: how it was made.
 fn image_values(
@@ -104,6 +110,11 @@ fn image_values(
     let max_depth = settings
         .max_depth
         .map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
+    let kind = if is_detector(scene, sensor) {
+        DETECTOR
+    } else {
+        "camera"
+    };
     vec![
         ("integrator", settings.integrator.to_string()),
         ("heuristic", settings.heuristic.to_string()),
@@ -113,6 +124,7 @@ fn image_values(
         ("filter", filter_name(&scene.sensors[sensor].filter)),
         ("wavelengths", wavelengths_name(&scene.wavelength_settings)),
         ("observer", "CIE 1931 2 degree".to_owned()),
+        (SENSOR_KIND, kind.to_owned()),
         (
             "unit",
             unit_name(response, is_detector(scene, sensor)).to_owned(),
@@ -154,7 +166,8 @@ fn merging_values(merging: &Merging, choice: &RadiusChoice) -> Values {
 
 /// Settings that change the estimate and that no attribute of every image tells.
 fn further_values(settings: &Settings) -> Values {
-    // by name, so that a new setting cannot be forgotten; passes and seeds are counted by the header
+    // by name, so that a new setting cannot be forgotten; passes and seeds are counted by the
+    // header
     let Settings {
         integrator: _,
         spp: _,
@@ -201,8 +214,8 @@ fn further_values(settings: &Settings) -> Values {
     ]
 }
 
-/// Hash of all that changes the estimate but scene, seed and passes: of the named values, so that it depends on no name in this
-/// program's code.
+/// Hash of all that changes the estimate but scene, seed and passes: of the named values, so that
+/// it depends on no name in this program's code.
 #[must_use]
 pub fn settings_hash(
     scene: &Scene,

@@ -69,11 +69,13 @@ pub fn load_frozen(
     }
     let scene =
         Scene::build(file.description).map_err(|error| file.places.build_error(path, &error))?;
+    let mut warnings = file.warnings;
+    warnings.extend(scene.notes.iter().cloned());
     Ok(Loaded {
         scene: Arc::new(scene),
         settings: file.settings,
         units: file.units,
-        warnings: file.warnings,
+        warnings,
         files: file.files,
     })
 }

@@ -1,5 +1,6 @@
-//! Files in and out: scenes, meshes, images, part files. Every reader checks before it allocates and never panics; every
-//! writer replaces a file at once or not at all. The only floor that names file formats.
+//! Files in and out: scenes, meshes, images, part files. Every reader checks before it allocates
+//! and never panics; every writer replaces a file at once or not at all. The only floor that names
+//! file formats.
 
 pub mod atomic;
 pub mod convert;

@@ -45,7 +45,7 @@ impl ModelKind {
 /// Reads a model; files it names are looked for in its folder.
 ///
 /// # Errors
-/// What is wrong, in words, without the file's name.
+/// Fault, in words, without the file's name.
 pub fn load(path: &Path, kind: ModelKind, staging: &Staging) -> Result<Model, String> {
     let bytes = read_regular(path, MAX_MODEL_BYTES).map_err(|e| e.to_string())?;
     read(&bytes, path, kind, staging)

@@ -1,13 +1,14 @@
 //! Vertices in single precision about an origin in double precision.
 //!
-//! Files in map coordinates have vertices millions of metres from zero that lie millimetres apart. Single precision about
-//! zero loses them; about the middle of their mesh it does not.
+//! Files in map coordinates have vertices millions of metres from zero that lie millimetres apart.
+//! Single precision about zero loses them; about the middle of their mesh it does not.
 
 use glam::DVec3;
 
 /// An edge is kept if its ends move by less than this part of its length.
 const FINE: f64 = 1e-3;
-/// The least ratio of the largest coordinate about zero to that about the middle for which the origin is moved.
+/// The least ratio of the largest coordinate about zero to that about the middle for which the
+/// origin is moved.
 const WORTH: f64 = 8.0;
 
 /// Vertices about an origin.
@@ -17,11 +18,12 @@ pub struct Placed {
     pub origin: DVec3,
     /// Positions about it.
     pub positions: Vec<[f32; 3]>,
-    /// What is said where edges are coarser than they should be.
+    /// Warning where edges are coarser than they should be.
     pub note: Option<String>,
 }
 
-/// Positions of triangles in single precision, about zero where that is fine enough. Indices out of range count for nothing.
+/// Positions of triangles in single precision, about zero where that is fine enough. Indices out of
+/// range count for nothing.
 #[must_use]
 pub fn placed(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Placed {
     let about = |origin: DVec3| Placed {

@@ -1,7 +1,8 @@
 //! A point that shines into a cone with a soft edge.
 //!
-//! Intensity is full within `falloff_start_rad` of the axis and falls by a smooth step in the cosine,
-//! or its square, to 0 at `cone_rad`. Directions are drawn exactly in proportion to it, so every emitted path has the same weight.
+//! Intensity is full within `falloff_start_rad` of the axis and falls by a smooth step in the
+//! cosine, or its square, to 0 at `cone_rad`. Directions are drawn exactly in proportion to it, so
+//! every emitted path has the same weight.
 
 use super::{DirectSample, EmissionSample, factor, placed_axis, unit_from_to};
 use crate::geometry::{DirectionalDensity, EndPoint, Placement};
@@ -9,7 +10,8 @@ use crate::math::frame::Frame;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// How intensity falls at the edge: a function of t, which falls from 1 to 0 in proportion to the cosine.
+/// How intensity falls at the edge: a function of t, which falls from 1 to 0 in proportion to the
+/// cosine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Falloff {
     /// 3t² − 2t³.
@@ -27,7 +29,7 @@ impl Falloff {
         }
     }
 
-    /// Its mean over t.
+    /// Mean over t.
     fn mean(self) -> f64 {
         match self {
             Self::SmoothStep => 0.5,
@@ -64,7 +66,8 @@ fn versine(angle_rad: f64) -> f64 {
 
 /// Inverse of `2t³ − t⁴`, the distribution function of the smooth step `3t² − 2t³` on [0, 1].
 fn invert_smooth_step(u: f64) -> f64 {
-    // t = (u/(2 − t))^(1/3) contracts by at least 3 per step; Newton's method then doubles the digits
+    // t = (u/(2 − t))^(1/3) contracts by at least 3 per step; Newton's method then doubles the
+    // digits
     let mut t = 0.5 * u;
     for _ in 0..4 {
         t = (u / (2.0 - t)).cbrt();

@@ -1,4 +1,4 @@
-//! What every light must fulfil, whatever its kind, and closed forms of illumination.
+//! Tests that every light must pass, whatever its kind, and closed forms of illumination.
 
 use super::spot::Falloff;
 use super::*;
@@ -218,7 +218,8 @@ fn connections_find_what_emission_sends() {
             assert!((c.toward.length() - 1.0).abs() < 1e-14);
             let again = light.direct_density(&context, x1, &c.x0);
             assert!((again / c.pdf - 1.0).abs() < 1e-12, "{light:?}");
-            // F is one function: weight·pdf's of emission and value·pdf of connection share L or I or E
+            // F is one function: weight·pdf's of emission and value·pdf of connection share L or I
+            // or E
             let (pdf_x0, pdf_direction) = light.emission_density(&context, &c.x0, -c.toward);
             let flux = f64::from(s.weight[0]) * pdf_x0;
             let distance = if c.distance.is_finite() {

@@ -157,7 +157,8 @@ impl Sampler {
         let Some(set) = place.set else {
             return std::array::from_fn(|i| unit_f64(self.bits(kind, index, i as u64)));
         };
-        // the sequence gives the leading 23 bits, the hash the rest; its seed shuffles and scrambles
+        // the sequence gives the leading 23 bits, the hash the rest; its seed shuffles and
+        // scrambles
         let sequence = kind << 56 | if place.joint { 0 } else { index };
         let scramble = combine(self.scramble, sequence) as u32;
         let leading = sobol_burley::sample_4d(self.index, set, scramble);
@@ -205,10 +206,10 @@ fn morton(x: u32, y: u32) -> u32 {
 /// Pascal's triangle modulo 2 times the bits of `n`: bit r of the product is the parity of C(r, c)
 /// over the set bits c of `n`.
 ///
-/// Its minors of q rows in sequence and the first q columns are all 1 (Vandermonde), so that beside
-/// the identity, which holds p digits for 2^p pixels, it gives 2^q passes all values of the next q
-/// digits. C(r, c) is odd where c is a subset of r (Lucas), which makes the product a sum over
-/// subsets.
+/// The triangle's minors of q rows in sequence and the first q columns are all 1 (Vandermonde), so
+/// that beside the identity, which holds p digits for 2^p pixels, it gives 2^q passes all values of
+/// the next q digits. C(r, c) is odd where c is a subset of r (Lucas), which makes the product a
+/// sum over subsets.
 fn pascal(n: u32) -> u32 {
     let n = n ^ (n & 0x5555_5555) << 1;
     let n = n ^ (n & 0x3333_3333) << 2;

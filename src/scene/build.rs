@@ -1,4 +1,7 @@
-//! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends of paths.
+//! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends
+//! of paths.
+
+mod surroundings;
 
 use super::albedo::albedo_tables;
 use super::description::{
@@ -7,7 +10,7 @@ use super::description::{
 };
 use super::effects::find_effects;
 use super::probe::stack_at;
-use super::{Object, Scene, Sensor};
+use super::{Object, Passage, Scene, Sensor};
 use crate::camera::{Camera, CameraKind};
 use crate::geometry::{Accel, AccelAt, AreaSampler, Instance, InstanceId, Shape, Shutter};
 use crate::light::area::AreaLight;
@@ -22,8 +25,10 @@ use std::fmt;
 use std::sync::Arc;
 
 /// Part of a [`SceneDescription`] that a [`BuildError`] is about, by its index there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Subject {
+    /// An entry of `objects`.
+    Object(usize),
     /// The emission of an entry of `objects`.
     Emission(usize),
     /// An entry of `lights`.
@@ -35,6 +40,7 @@ pub enum Subject {
 impl fmt::Display for Subject {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self {
+            Self::Object(_) => "object",
             Self::Emission(_) | Self::Light(_) => "light",
             Self::Sensor(_) => "sensor",
         })
@@ -52,21 +58,55 @@ pub enum BuildError {
     NoLight,
     /// Rays disagree about the medium around a light or sensor.
     #[error(
-        "cannot tell which medium {subject} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it)"
+        "cannot tell which medium {subject} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it; its key medium can say it)"
     )]
     UnclearMedium {
         /// The light or sensor.
         subject: Subject,
-        /// Its name.
+        /// Name.
         name: String,
+    },
+    /// The medium that is said to be around a light or sensor is not the one that is there.
+    #[error("{subject} \"{name}\" is in the medium \"{found}\", not in \"{named}\"")]
+    OtherMedium {
+        /// The light or sensor.
+        subject: Subject,
+        /// Name.
+        name: String,
+        /// The medium that is there.
+        found: String,
+        /// The medium that is said to be there.
+        named: String,
     },
     /// The medium around a light or sensor is another one at another time.
     #[error("{subject} \"{name}\" moves from one medium into another while the shutter is open")]
     ChangingMedium {
         /// The light or sensor.
         subject: Subject,
-        /// Its name.
+        /// Name.
         name: String,
+    },
+    /// A solid whose surface moves is wound inwards.
+    #[error(
+        "{subject} \"{name}\" is inside out: the triangles of its mesh run clockwise seen from outside (allowed: counter-clockwise)"
+    )]
+    InsideOut {
+        /// The object.
+        subject: Subject,
+        /// Name.
+        name: String,
+    },
+    /// Two detectors are in the same place: only one can be met there.
+    #[error(
+        "{subject} \"{name}\" lies on sensor \"{other}\": only one detector can be in a place (allowed: a gap, or transparent = true on one of them)"
+    )]
+    SensorsTouch {
+        /// The detector that comes first.
+        subject: Subject,
+        /// Name.
+        name: String,
+        /// The name of the other.
+        other: String,
     },
     /// More instances than ids.
     #[error("the scene has more than {0} surfaces")]
@@ -78,24 +118,27 @@ impl BuildError {
     #[must_use]
     pub fn subject(&self) -> Option<Subject> {
         match self {
-            Self::UnclearMedium { subject, .. } | Self::ChangingMedium { subject, .. } => {
-                Some(*subject)
-            }
+            Self::UnclearMedium { subject, .. }
+            | Self::OtherMedium { subject, .. }
+            | Self::ChangingMedium { subject, .. }
+            | Self::InsideOut { subject, .. }
+            | Self::SensorsTouch { subject, .. } => Some(*subject),
             Self::NoLight | Self::TooManyInstances(_) => None,
         }
     }
 }
 
 /// Points of a surface at which the medium around it is checked.
-const PROBES: [[f64; 3]; 5] = [
-    [0.5, 0.5, 0.5],
-    [0.1, 0.07, 0.09],
-    [0.9, 0.93, 0.06],
-    [0.3, 0.08, 0.94],
-    [0.7, 0.92, 0.91],
-];
+const PROBES: u32 = 32;
 
-/// Moments of the shutter at which media are looked for and powers averaged where something moves, as fractions.
+/// Numbers of the nth of them, spread evenly (Roberts, The unreasonable effectiveness of
+/// quasirandom sequences, 2018).
+fn probe(n: u32) -> [f64; 3] {
+    [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step| (0.5 + step * f64::from(n)).fract())
+}
+
+/// Moments of the shutter at which media are looked for and powers averaged where something moves,
+/// as fractions.
 const MOMENTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
 impl Scene {
@@ -110,12 +153,13 @@ impl Scene {
         }
         let albedos = albedo_tables(&description);
         let mut builder = Builder::new(&mut description);
-        builder.surfaces(std::mem::take(&mut description.objects));
+        builder.surfaces(std::mem::take(&mut description.objects))?;
         builder.lights(std::mem::take(&mut description.lights));
         builder.sensors(std::mem::take(&mut description.sensors));
         let motions = builder.motions();
         let accel = Accel::build(std::mem::take(&mut builder.instances));
         let moments = Moments::new(&builder, &accel);
+        let contacts = builder.surroundings(&accel)?;
         let fluxes = builder.fluxes(&accel, &moments);
         let powers = builder.powers(&fluxes, description.wavelengths.range_nm)?;
         let light_stacks = builder.light_stacks(&accel, &moments)?;
@@ -127,6 +171,7 @@ impl Scene {
             lights,
             light_names,
             sensors,
+            notes,
             ..
         } = builder;
         let environments = (0u32..)
@@ -153,6 +198,8 @@ impl Scene {
             motions,
             is_moving: moments.is_moving,
             effects: Vec::new(),
+            contacts,
+            notes,
             hash: description.hash,
         };
         scene.effects = find_effects(&scene);
@@ -163,6 +210,8 @@ impl Scene {
 /// A scene in the making, one method a phase.
 struct Builder {
     ambient: MediumId,
+    named_media: HashMap<Subject, MediumId>,
+    media_names: Vec<String>,
     /// The only lines there are, in nanometres, where a render draws nothing else.
     chosen_lines: Option<Vec<f64>>,
     materials: Vec<Material>,
@@ -172,6 +221,7 @@ struct Builder {
     light_names: Vec<String>,
     light_subjects: Vec<Subject>,
     sensors: Vec<Sensor>,
+    notes: Vec<String>,
 }
 
 /// The moments of a shutter at which media are looked for and powers averaged.
@@ -216,6 +266,8 @@ impl Builder {
         };
         Self {
             ambient: description.ambient,
+            named_media: description.named_media.iter().copied().collect(),
+            media_names: description.media.iter().map(|m| m.name.clone()).collect(),
             chosen_lines,
             materials: std::mem::take(&mut description.materials),
             instances: Vec::with_capacity(description.objects.len()),
@@ -224,11 +276,12 @@ impl Builder {
             light_names: Vec::new(),
             light_subjects: Vec::new(),
             sensors: Vec::with_capacity(description.sensors.len()),
+            notes: Vec::new(),
         }
     }
 
-    /// An emission as the render sees it: where only some lines exist, continuous light stands for a band of 1 nm about
-    /// each.
+    /// An emission as the render sees it: where only some lines exist, continuous light stands for
+    /// a band of 1 nm about each.
     fn seen(&self, emission: Emission) -> Emission {
         match &self.chosen_lines {
             Some(lines) => emission.restricted_to_lines(lines),
@@ -245,9 +298,13 @@ impl Builder {
     }
 
     /// Objects become instances, and those that emit become lights.
-    fn surfaces(&mut self, described: Vec<ObjectDescription>) {
+    fn surfaces(&mut self, described: Vec<ObjectDescription>) -> Result<(), BuildError> {
         let mut samplers = Samplers::default();
-        for (index, object) in described.into_iter().enumerate() {
+        let mut turned = HashMap::new();
+        for (index, mut object) in described.into_iter().enumerate() {
+            if matches!(object.boundary, Boundary::Solid { .. }) {
+                self.turn_outward(index, &mut object, &mut turned)?;
+            }
             let instance = InstanceId(self.instances.len() as u32);
             let light = object.emission.map(|emission| {
                 let area = AreaLight {
@@ -265,10 +322,13 @@ impl Builder {
             });
             let material = &self.materials[object.material.0 as usize];
             self.objects.push(Object {
+                is_interface: material.needs_interior(),
                 clear: material.is_clear_interface() && light.is_none(),
                 has_alpha: material.coverage.is_some()
                     && light.is_none()
                     && object.boundary == Boundary::None,
+                passage: Passage::Blocked,
+                contacts: Vec::new(),
                 name: object.name,
                 material: object.material,
                 boundary: object.boundary,
@@ -277,6 +337,7 @@ impl Builder {
                 transparent_sensor: false,
             });
         }
+        Ok(())
     }
 
     /// Lights that are no surfaces.
@@ -306,8 +367,11 @@ impl Builder {
                     light: None,
                     sensor: Some(index),
                     transparent_sensor: detector.transparent,
+                    is_interface: false,
                     clear: false,
                     has_alpha: false,
+                    passage: Passage::Blocked,
+                    contacts: Vec::new(),
                 });
             }
             self.sensors.push(Sensor {
@@ -363,7 +427,7 @@ impl Builder {
         let named = self.light_names.iter().zip(&self.light_subjects);
         let stack = |(light, (name, subject)): (&Light, (&String, &Subject))| {
             let at = |&t: &f64| self.light_stack(&accel.at(t), light);
-            constant_stack(moments.all.iter().map(at), *subject, name)
+            self.known_stack(moments.all.iter().map(at), *subject, name)
         };
         self.lights.iter().zip(named).map(stack).collect()
     }
@@ -376,15 +440,42 @@ impl Builder {
             let at = |&t: &f64| self.sensor_stack(&accel.at(t), &sensor.camera);
             let stacks = moments.iter().map(at);
             self.sensors[index].stack =
-                constant_stack(stacks, Subject::Sensor(index), &sensor.name)?;
+                self.known_stack(stacks, Subject::Sensor(index), &sensor.name)?;
         }
         Ok(())
+    }
+
+    /// The common stack of all moments, checked against the medium that is named, if one is; where
+    /// rays cannot tell, it is the named one.
+    fn known_stack(
+        &self,
+        stacks: impl Iterator<Item = Option<MediumStack>>,
+        subject: Subject,
+        name: &str,
+    ) -> Result<MediumStack, BuildError> {
+        let found = constant_stack(stacks, subject, name);
+        let Some(&named) = self.named_media.get(&subject) else {
+            return found;
+        };
+        match found {
+            Err(BuildError::UnclearMedium { .. }) => Ok(MediumStack::new(named)),
+            Ok(stack) if stack.medium() != named => {
+                let text = |id: MediumId| self.media_names[id.0 as usize].clone();
+                Err(BuildError::OtherMedium {
+                    subject,
+                    name: name.to_owned(),
+                    found: text(stack.medium()),
+                    named: text(named),
+                })
+            }
+            found => found,
+        }
     }
 
     fn light_stack(&self, geometry: &AccelAt, light: &Light) -> Option<MediumStack> {
         let stack = |p, n, start| stack_at(geometry, &self.objects, p, n, start, self.ambient);
         match light.as_area() {
-            Some(area) => common_stack(PROBES.iter().map(|&[u, v, w]| {
+            Some(area) => common_stack((0..PROBES).map(probe).map(|[u, v, w]| {
                 let point = area.sample(geometry, u, DVec2::new(v, w)).point;
                 stack(point.p, point.ng, Some(point.id))
             })),
@@ -398,7 +489,7 @@ impl Builder {
 
     fn sensor_stack(&self, geometry: &AccelAt, camera: &Camera) -> Option<MediumStack> {
         let size = camera.resolution().size();
-        common_stack(PROBES.iter().map(|&[u, v, _]| {
+        common_stack((0..PROBES).map(probe).map(|[u, v, _]| {
             let (raster, u_lens) = (DVec2::new(u, v) * size, DVec2::new(v, u));
             let xk = camera.sample_ray(raster, u_lens, geometry.moment()).xk;
             stack_at(

@@ -50,12 +50,12 @@ fn looks_like_micrometers([_, last]: [f64; 2]) -> &'static str {
     }
 }
 
-/// The stretches of `range_nm` (increasing) beyond the ends of the tables in `curve`, where values are held: none, one
-/// below, one above. With `extrapolate`, any share may be held.
+/// The stretches of `range_nm` (increasing) beyond the ends of the tables in `curve`, where values
+/// are held: none, one below, one above. With `extrapolate`, any share may be held.
 ///
 /// # Errors
-/// No value of a table lies in the range, or held values other than 0 make up more than a tenth of it: by x + y + z, and
-/// by wavelength where the range is invisible.
+/// No value of a table lies in the range, or held values other than 0 make up more than a tenth of
+/// it: by x + y + z, and by wavelength where the range is invisible.
 pub fn held_stretches(
     curve: &Curve,
     range_nm: [f64; 2],

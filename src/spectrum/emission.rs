@@ -1,11 +1,12 @@
 //! Emission spectra: a continuous part per nanometer and exact lines.
 //!
-//! Lines are atoms of the wavelength measure, never narrow boxes. Invariant: the lines are sorted by wavelength
-//! without repetition, so that a bitwise lookup finds the one line at a wavelength.
+//! Lines are atoms of the wavelength measure, never narrow boxes. Invariant: the lines are sorted
+//! by wavelength without repetition, so that a bitwise lookup finds the one line at a wavelength.
 
 use super::{Curve, SampledSpectrum, SampledWavelengths, cie, illuminant, integrate, upsample};
 
-/// A fifth of the mean of x + y + z over 360..830 nm: how much a wavelength matters that the observer does not see.
+/// A fifth of the mean of x + y + z over 360..830 nm: how much a wavelength matters that the
+/// observer does not see.
 const UNSEEN_RESPONSE: f64 = 0.2 * 3.0 * cie::N_Y / (cie::LAST_NM - cie::FIRST_NM);
 
 /// One emission line: all its power at one wavelength.
@@ -17,10 +18,10 @@ pub struct Line {
     pub value: f64,
 }
 
-/// What a light emits: the sum of a continuous part and of lines, times `scale`.
+/// Emission of a light: the sum of a continuous part and of lines, times `scale`.
 ///
-/// The two parts live on different parts of the wavelength measure (Lebesgue + one atom per line): at an
-/// atom only lines emit, elsewhere only the continuous part does. They are never added.
+/// The two parts live on different parts of the wavelength measure (Lebesgue + one atom per line):
+/// at an atom only lines emit, elsewhere only the continuous part does. They are never added.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Emission {
     /// Per nanometer.
@@ -60,8 +61,8 @@ impl Emission {
         }
     }
 
-    /// Linear sRGB as emission: a smooth spectrum times D65. `[1, 1, 1]` has Y = 1 and the XYZ of sRGB white;
-    /// components are >= 0 and may exceed 1.
+    /// Linear sRGB as emission: a smooth spectrum times D65. `[1, 1, 1]` has Y = 1 and the XYZ of
+    /// sRGB white; components are >= 0 and may exceed 1.
     #[must_use]
     pub fn from_rgb(rgb: [f64; 3]) -> Self {
         let max = rgb.iter().copied().fold(0.0, f64::max);
@@ -83,7 +84,8 @@ impl Emission {
         self
     }
 
-    /// The same light scaled to luminance `y` (Y of [`super::xyz::emission_to_xyz`]); unchanged if it has none.
+    /// The same light scaled to luminance `y` (Y of [`super::xyz::emission_to_xyz`]); unchanged if
+    /// it has none.
     #[must_use]
     pub fn with_luminance(self, y: f64) -> Self {
         let own = super::xyz::emission_to_xyz(&self)[1];
@@ -94,8 +96,8 @@ impl Emission {
         }
     }
 
-    /// What is left of this light when only the wavelengths `lines_nm` exist: its own lines among them, and
-    /// elsewhere its continuous part as the power of a 1 nm wide band.
+    /// Remainder of this light when only the wavelengths `lines_nm` exist: its own lines among
+    /// them, and elsewhere its continuous part as the power of a 1 nm wide band.
     #[must_use]
     pub fn restricted_to_lines(&self, lines_nm: &[f64]) -> Self {
         let line = |&lambda_nm: &f64| {
@@ -154,9 +156,10 @@ impl Emission {
         out
     }
 
-    /// Power over `range_nm` by which lights and wavelengths are chosen, never a result: the integral against x + y + z, and of
-    /// the plain spectrum with a fifth of the observer's mean, so that light which only detectors see is chosen too. In the
-    /// unit of the values times nanometers.
+    /// Power over `range_nm` by which lights and wavelengths are chosen, never a result: the
+    /// integral against x + y + z, and of the plain spectrum with a fifth of the observer's mean,
+    /// so that light which only detectors see is chosen too. In the unit of the values times
+    /// nanometers.
     #[must_use]
     pub fn sampling_power(&self, range_nm: [f64; 2]) -> f64 {
         let response = |l: f64| cie::cmf_sum(l) + UNSEEN_RESPONSE;

@@ -1,10 +1,11 @@
 //! Integrals over wavelength that keep the points of the tables in them.
 //!
-//! Tables are linear between their points and the observer between whole nanometers. Simpson's rule on the cells between
-//! all these points is therefore exact for a table, for a table seen by the observer, and for a product of three tables: a
-//! peak narrower than a nanometer has its energy.
+//! Tables are linear between their points and the observer between whole nanometers. Simpson's rule
+//! on the cells between all these points is therefore exact for a table, for a table seen by the
+//! observer, and for a product of three tables: a peak narrower than a nanometer has its energy.
 
-/// The cells of a range of wavelengths (nanometers, increasing): broken at `breaks` and at every whole nanometer.
+/// The cells of a range of wavelengths (nanometers, increasing): broken at `breaks` and at every
+/// whole nanometer.
 pub(super) fn cells(range_nm: [f64; 2], breaks: &[f64]) -> impl Iterator<Item = (f64, f64)> {
     let [low, high] = range_nm;
     let whole = (low.ceil() as i64..=high.floor() as i64).map(|l| l as f64);
@@ -18,7 +19,8 @@ pub(super) fn cells(range_nm: [f64; 2], breaks: &[f64]) -> impl Iterator<Item = 
     (1..ends.len()).map(move |i| (ends[i - 1], ends[i]))
 }
 
-/// The integral of `f` over one cell by Simpson's rule, its ends taken inside the cell: `f` may jump there.
+/// The integral of `f` over one cell by Simpson's rule, its ends taken inside the cell: `f` may
+/// jump there.
 pub(super) fn over_cell<const N: usize>(
     (low, high): (f64, f64),
     f: impl Fn(f64) -> [f64; N],
@@ -27,7 +29,8 @@ pub(super) fn over_cell<const N: usize>(
     std::array::from_fn(|c| (high - low) * (a[c] + b[c] + 4.0 * m[c]) / 6.0)
 }
 
-/// The integral of `f` over `range_nm` (nanometers), where `knots_nm` are the points of the tables in `f`.
+/// The integral of `f` over `range_nm` (nanometers), where `knots_nm` are the points of the tables
+/// in `f`.
 #[must_use]
 pub fn integrate<const N: usize>(
     range_nm: [f64; 2],

@@ -1,7 +1,8 @@
 //! Refractive index and extinction of a material as functions of wavelength.
 //!
-//! Formulas 1 to 9 are those of the refractiveindex.info database, wavelength in micrometers. A formula may be
-//! evaluated beyond its fitted range inside 360..830 nm; a table only on request; nothing reaches further.
+//! Formulas 1 to 9 are those of the refractiveindex.info database, wavelength in micrometers. A
+//! formula may be evaluated beyond its fitted range inside 360..830 nm; a table only on request;
+//! nothing reaches further.
 
 use thiserror::Error;
 
@@ -33,7 +34,7 @@ pub enum IorError {
         high_nm: f64,
         /// A wavelength outside.
         lambda_nm: f64,
-        /// What may be done about it.
+        /// Remedy, in words.
         hint: &'static str,
     },
     /// The index is not finite, too small or too large.
@@ -94,7 +95,8 @@ impl Ior {
         Self::new(Dispersion::Constant(n), None).named(format!("n = {n}"), "")
     }
 
-    /// The same material without dispersion: everywhere the index it has at `lambda_nm`; k stays what it is.
+    /// The same material without dispersion: everywhere the index it has at `lambda_nm`; k stays
+    /// what it is.
     #[must_use]
     pub fn constant_as_at(&self, lambda_nm: f64) -> Self {
         Self {
@@ -103,7 +105,8 @@ impl Ior {
         }
     }
 
-    /// A refractiveindex.info formula (1 to 9, wavelengths in micrometers), fitted over `range_nm` (nanometers).
+    /// A refractiveindex.info formula (1 to 9, wavelengths in micrometers), fitted over `range_nm`
+    /// (nanometers).
     ///
     /// # Errors
     /// If there is no such formula or it does not take that many coefficients.
@@ -203,7 +206,8 @@ impl Ior {
         self.range_nm
     }
 
-    /// The index n at `lambda_nm`. Finite and >= 1 over the working range (checked when the scene is built).
+    /// The index n at `lambda_nm`. Finite and >= 1 over the working range (checked when the scene
+    /// is built).
     #[must_use]
     pub fn n(&self, lambda_nm: f64) -> f64 {
         match &self.dispersion {
@@ -213,7 +217,8 @@ impl Ior {
         }
     }
 
-    /// The extinction coefficient k at `lambda_nm` (0 where the material has no k table; end values held).
+    /// The extinction coefficient k at `lambda_nm` (0 where the material has no k table; end values
+    /// held).
     #[must_use]
     pub fn k(&self, lambda_nm: f64) -> f64 {
         self.k.as_ref().map_or(0.0, |k| k.eval(lambda_nm))
@@ -271,7 +276,8 @@ impl Ior {
         self.check(range_nm, |n| (1.0..=MOST_INDEX).contains(&n), "1 to 10")
     }
 
-    /// Checks a material that only reflects: as [`Self::validate`], with any n in (0, 10] (metals have n < 1).
+    /// Checks a material that only reflects: as [`Self::validate`], with any n in (0, 10] (metals
+    /// have n < 1).
     ///
     /// # Errors
     /// Where there is neither data nor an allowed extrapolation, or n is not in (0, 10].
@@ -383,7 +389,8 @@ mod tests {
 
     #[test]
     fn indices_match_the_catalogs() {
-        // n_d and V_d as printed in the Schott, Ohara and Hikari catalogs and the papers behind the others.
+        // n_d and V_d as printed in the Schott, Ohara and Hikari catalogs and the papers behind the
+        // others.
         for (name, n_d, v_d) in [
             ("N-BK7", 1.516_800, 64.17),
             ("SF10", 1.728_25, 28.41),
@@ -433,7 +440,8 @@ mod tests {
     #[test]
     fn formulas_agree_with_each_other() {
         let range = [300.0, 2000.0];
-        // Formula 1 with l = 0.1 is formula 2 with l^2 = 0.01; formula 4 holds the same term plus powers.
+        // Formula 1 with l = 0.1 is formula 2 with l^2 = 0.01; formula 4 holds the same term plus
+        // powers.
         let one = Ior::formula(1, vec![0.0, 1.2, 0.1], range).unwrap();
         let two = Ior::formula(2, vec![0.0, 1.2, 0.01], range).unwrap();
         let four = vec![1.0, 1.2, 2.0, 0.1, 2.0, 0.0, 0.0, 0.0, 0.0];

@@ -1,9 +1,10 @@
 //! The wavelengths of one path, and the distribution they are drawn from.
 //!
-//! Wavelengths live on the measure "Lebesgue + one unit atom per emission line". The cumulative distribution is
-//! piecewise linear over cells of at most 1 nm, with a jump at every atom; it is inverted exactly. Lanes are rotated
-//! in primary space (u), as hero wavelength sampling (Wilkie et al. 2014) over a warped wavelength axis, so each lane
-//! alone follows the distribution. Invariant: a continuous sample never has bitwise the wavelength of an atom.
+//! Wavelengths live on the measure "Lebesgue + one unit atom per emission line". The cumulative
+//! distribution is piecewise linear over cells of at most 1 nm, with a jump at every atom; it is
+//! inverted exactly. Lanes are rotated in primary space (u), as hero wavelength sampling (Wilkie et
+//! al. 2014) over a warped wavelength axis, so each lane alone follows the distribution. Invariant:
+//! a continuous sample never has bitwise the wavelength of an atom.
 
 use super::emission::Line;
 use super::integral::{cells, integrate, over_cell};
@@ -47,7 +48,8 @@ impl SampledWavelengths {
         self.atoms & (1 << lane) != 0
     }
 
-    /// How many lanes have exactly the wavelength of `lane` (itself included): 1 unless lanes coincide on an atom.
+    /// How many lanes have exactly the wavelength of `lane` (itself included): 1 unless lanes
+    /// coincide on an atom.
     #[must_use]
     pub fn multiplicity(&self, lane: usize) -> usize {
         let n = self.count();
@@ -57,7 +59,8 @@ impl SampledWavelengths {
     }
 }
 
-/// One piece of the cumulative distribution: a cell of constant density, or an atom (`low_nm == high_nm`).
+/// One piece of the cumulative distribution: a cell of constant density, or an atom (`low_nm ==
+/// high_nm`).
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     low_nm: f64,
@@ -117,11 +120,12 @@ impl WavelengthDistribution {
         )
     }
 
-    /// For a scene with these emitters, each with the weight of its power (any common unit) over `range_nm`.
+    /// For a scene with these emitters, each with the weight of its power (any common unit) over
+    /// `range_nm`.
     ///
-    /// One fifth uniform, the rest in proportion to weight times emission times (x + y + z), lines by the same
-    /// rule, each with at least 1 % of its emitter's share. Without any continuous emission there are atoms
-    /// only; without any emission the distribution is uniform.
+    /// One fifth uniform, the rest in proportion to weight times emission times (x + y + z), lines
+    /// by the same rule, each with at least 1 % of its emitter's share. Without any continuous
+    /// emission there are atoms only; without any emission the distribution is uniform.
     #[must_use]
     pub fn scene(emitters: &[(Emission, f64)], range_nm: [f64; 2]) -> Self {
         let inside = |l: f64| (range_nm[0]..=range_nm[1]).contains(&l);
@@ -153,7 +157,8 @@ impl WavelengthDistribution {
                         .map(|l| l.value * response(l.lambda_nm))
                         .sum::<f64>()
             };
-            // An emitter that nobody sees still reaches spectral channels: it counts by its plain power.
+            // An emitter that nobody sees still reaches spectral channels: it counts by its plain
+            // power.
             let visible = power(true);
             let seen = visible > 0.0;
             let share = if seen { visible } else { power(false) };
@@ -190,8 +195,8 @@ impl WavelengthDistribution {
         Self::build(range_nm, &knots, density, &lines, uniform_share)
     }
 
-    /// The same distribution with the atoms of `other`, at their probability there: so that a uniform choice finds the
-    /// lines of a scene too.
+    /// The same distribution with the atoms of `other`, at their probability there: so that a
+    /// uniform choice finds the lines of a scene too.
     #[must_use]
     pub fn with_atoms_of(&self, other: &Self) -> Self {
         let atoms = other.atoms().map(|(nm, p)| (nm, nm, p));
@@ -205,7 +210,8 @@ impl WavelengthDistribution {
         Self::from_masses(self.range_nm, all.into_iter())
     }
 
-    /// Atoms only, equally probable, at these wavelengths (nanometers, at least one; repetitions count once).
+    /// Atoms only, equally probable, at these wavelengths (nanometers, at least one; repetitions
+    /// count once).
     #[must_use]
     pub fn lines(lines_nm: &[f64]) -> Self {
         let mut nm = lines_nm.to_vec();
@@ -221,7 +227,8 @@ impl WavelengthDistribution {
         Self::weighted_lines(&lines)
     }
 
-    /// Atoms only, with probabilities in proportion to their values (> 0); sorted, without repetition, at least one.
+    /// Atoms only, with probabilities in proportion to their values (> 0); sorted, without
+    /// repetition, at least one.
     #[must_use]
     pub fn weighted_lines(lines: &[Line]) -> Self {
         let range_nm = [lines[0].lambda_nm, lines[lines.len() - 1].lambda_nm];
@@ -229,7 +236,8 @@ impl WavelengthDistribution {
         Self::from_masses(range_nm, atoms)
     }
 
-    /// Cells broken at `knots` and atoms; `uniform_share` uniform, the rest as `density` and the lines.
+    /// Cells broken at `knots` and atoms; `uniform_share` uniform, the rest as `density` and the
+    /// lines.
     fn build(
         range_nm: [f64; 2],
         knots: &[f64],
@@ -335,7 +343,8 @@ impl WavelengthDistribution {
         &self.pieces[i]
     }
 
-    /// The density at `lambda_nm`: the probability if it is bitwise an atom, else per nanometer; 0 out of range.
+    /// The density at `lambda_nm`: the probability if it is bitwise an atom, else per nanometer; 0
+    /// out of range.
     #[must_use]
     pub fn density(&self, lambda_nm: f64) -> f64 {
         let after = self.pieces.partition_point(|p| p.low_nm <= lambda_nm);

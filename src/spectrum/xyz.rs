@@ -1,20 +1,23 @@
 //! From spectra to CIE XYZ and to linear sRGB.
 //!
 //! XYZ is the sum over 360..830 nm against the 1931 2 degree observer at every whole nanometer (CIE
-//! 15), divided by N_Y: a constant spectrum of 1 has Y = 1. Where the tables of a spectrum have points
-//! between two whole nanometers, the integral stands for the sum there. Linear sRGB goes through palette's
-//! published matrices (rounded at 1e-7) and serves previews and RGB input only.
+//! 15), divided by N_Y: a constant spectrum of 1 has Y = 1. Where the tables of a spectrum have
+//! points between two whole nanometers, the integral stands for the sum there. Linear sRGB goes
+//! through palette's published matrices (rounded at 1e-7) and serves previews and RGB input only, as
+//! do Display P3 and Oklab.
 
 use palette::convert::FromColorUnclamped;
+use palette::rgb::Rgb;
 use palette::white_point::D65;
-use palette::{LinSrgb, Xyz};
+use palette::{LinSrgb, Oklab, Xyz, encoding};
 
 use super::integral::{cells, over_cell};
 use super::{Curve, Emission, cie};
 
 pub use super::cie::{N_Y, cmf};
 
-/// XYZ of a spectrum given as a function of the wavelength, whose tables have the points `knots_nm` (nanometers).
+/// XYZ of a spectrum given as a function of the wavelength, whose tables have the points `knots_nm`
+/// (nanometers).
 #[must_use]
 pub fn spectrum_to_xyz(knots_nm: &[f64], f: impl Fn(f64) -> f64) -> [f64; 3] {
     let product = |nm: f64| cmf(nm).map(|matching| matching * f(nm));
@@ -92,6 +95,28 @@ pub fn xyz_to_linear_srgb([x, y, z]: [f64; 3]) -> [f64; 3] {
 #[must_use]
 pub fn linear_srgb_to_xyz([r, g, b]: [f64; 3]) -> [f64; 3] {
     let xyz: Xyz<D65, f64> = Xyz::from_color_unclamped(LinSrgb::new(r, g, b));
+    [xyz.x, xyz.y, xyz.z]
+}
+
+/// XYZ to linear Display P3, no clamping and no adaptation.
+#[must_use]
+pub fn xyz_to_linear_p3([x, y, z]: [f64; 3]) -> [f64; 3] {
+    type LinearP3 = Rgb<encoding::Linear<encoding::DisplayP3>, f64>;
+    let rgb = LinearP3::from_color_unclamped(Xyz::<D65, f64>::new(x, y, z));
+    [rgb.red, rgb.green, rgb.blue]
+}
+
+/// XYZ to Oklab (Ottosson 2020): lightness, and two opponent colors whose angle is the hue.
+#[must_use]
+pub fn xyz_to_oklab([x, y, z]: [f64; 3]) -> [f64; 3] {
+    let lab = Oklab::from_color_unclamped(Xyz::<D65, f64>::new(x, y, z));
+    [lab.l, lab.a, lab.b]
+}
+
+/// Oklab to XYZ.
+#[must_use]
+pub fn oklab_to_xyz([l, a, b]: [f64; 3]) -> [f64; 3] {
+    let xyz: Xyz<D65, f64> = Xyz::from_color_unclamped(Oklab::new(l, a, b));
     [xyz.x, xyz.y, xyz.z]
 }
 

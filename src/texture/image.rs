@@ -175,7 +175,8 @@ impl Image {
     /// From linear red, green, blue.
     ///
     /// # Errors
-    /// If the size is 0 or too large or does not match the values, or a value is negative or not finite.
+    /// If the size is 0 or too large or does not match the values, or a value is negative or not
+    /// finite.
     pub fn from_floats(width: u32, height: u32, values: Vec<[f32; 3]>) -> Result<Self, ImageError> {
         check_size(width, height, values.len())?;
         let bad = |t: &[f32; 3]| !t.iter().all(|v| v.is_finite() && *v >= 0.0);
@@ -195,7 +196,8 @@ impl Image {
         }
     }
 
-    /// The same image with its pyramid of halved levels, down to one texel. (Coverage is kept in level 0 only.)
+    /// The same image with its pyramid of halved levels, down to one texel. (Coverage is kept in
+    /// level 0 only.)
     #[must_use]
     pub fn with_pyramid(mut self) -> Self {
         while let Some(last) = self.levels.last()
@@ -235,7 +237,8 @@ impl Image {
         self.levels[level].texel(x, y)
     }
 
-    /// How many texels have a channel of `channels` (0 red ... 3 coverage) above `limit`, and column and row of the first.
+    /// How many texels have a channel of `channels` (0 red ... 3 coverage) above `limit`, and
+    /// column and row of the first.
     #[must_use]
     pub fn above(&self, limit: f32, channels: Range<usize>) -> Option<(usize, [usize; 2])> {
         let level = &self.levels[0];

@@ -23,11 +23,11 @@ use super::strategies::StrategySet;
 use super::subpath::{Subpath, Vertex};
 use crate::geometry::{DirectionalDensity, EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
-use crate::medium::Region;
+use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use end::EndLabels;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Joins the two sub-paths of one sample and collects what they give.
 #[derive(Debug)]
@@ -38,6 +38,8 @@ pub struct Joiner<'a> {
     pub strategies: &'a StrategySet<'a>,
     /// At most this many scattering vertices on a path.
     pub max_depth: usize,
+    /// Where on the film the camera sub-path starts.
+    pub raster: DVec2,
     /// All-specular paths between a delta light and a pinhole are left out: an image of measure
     /// zero.
     pub skip_point_images: bool,
@@ -104,7 +106,7 @@ impl<'a> Joiner<'a> {
         &mut self,
         numerator: &Numerator,
         candidate: &Candidate,
-        segment: Option<(&Ray, &Region)>,
+        segment: Option<(&Ray, &MediumStack)>,
     ) {
         let view = &candidate.view;
         if self.skip_point_images && !view.hittable_light && view.is_all_specular() {
@@ -134,8 +136,13 @@ impl<'a> Joiner<'a> {
             return;
         }
         let mut survival = 1.0;
-        if let Some((ray, region)) = segment {
+        if let Some((ray, stack)) = segment {
+            let bound = self
+                .strategies
+                .factors
+                .map(|f| f.roulette_bound(view.raster));
             let threshold = self.context.pass.roulette_threshold;
+            let threshold = bound.map_or(threshold, |bound| threshold.min(bound));
             if threshold > 0.0 {
                 let brightness = self.context.response.brightness(&lanes);
                 if brightness < threshold {
@@ -148,7 +155,7 @@ impl<'a> Joiner<'a> {
                     }
                 }
             }
-            let visibility = self.context.visibility(ray, region, self.counters);
+            let visibility = self.context.visibility(ray, stack, self.counters);
             if visibility == 0.0 {
                 return;
             }
@@ -175,6 +182,7 @@ impl<'a> Joiner<'a> {
             t: view.camera.len() as u32,
             regularized: multipliers.regularized(s) as u8,
             merged: false,
+            emitter: view.emitter,
             class: if self.detailed {
                 PathClass::of(view)
             } else {
@@ -244,7 +252,7 @@ impl<'a> Joiner<'a> {
         if !sides_agree {
             return;
         }
-        if a.region(w).medium != b.region(-w).medium {
+        if a.medium(w) != b.medium(-w) {
             // most such pairs are simply on different sides of an interface: no path joins them
             return;
         }

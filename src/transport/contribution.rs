@@ -1,6 +1,7 @@
 //! Contributions: weighted values of paths and the pixels they land on.
 
 use super::class::PathClass;
+use crate::light::LightId;
 use crate::spectrum::MAX_LANES;
 use glam::DVec2;
 
@@ -31,6 +32,8 @@ pub struct Contribution {
     /// Made by photon merging: one vertex counts for both sides, s + t is one more than the
     /// vertices of the path.
     pub merged: bool,
+    /// The light of x₀; of merged paths any.
+    pub emitter: LightId,
     /// Labels of the vertices; empty where nothing is kept by class.
     pub class: PathClass,
 }

@@ -7,7 +7,9 @@
 
 use crate::bsdf::{BsdfEval, Label, LaneDensity};
 use crate::geometry::DirectionalDensity;
+use crate::light::LightId;
 use crate::spectrum::MAX_LANES;
+use glam::DVec2;
 
 /// Per-lane densities of one vertex.
 pub type Column = [f64; MAX_LANES];
@@ -187,6 +189,10 @@ pub struct PathView<'a> {
     pub direct: f64,
     /// Camera sub-paths can hit the light.
     pub hittable_light: bool,
+    /// The light of x₀.
+    pub emitter: LightId,
+    /// Where on the film the path is seen.
+    pub raster: DVec2,
 }
 
 impl PathView<'_> {

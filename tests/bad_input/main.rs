@@ -1,4 +1,5 @@
-//! Bad input: every wrong file gets an error that names the place, and no bytes make a reader panic.
+//! Bad input: every wrong file gets an error that names the place, and no bytes make a reader
+//! panic.
 
 mod binary;
 mod images;

@@ -7,7 +7,8 @@ use abbe::math::hash::random_bits;
 
 const MUTATIONS: u64 = 20_000;
 
-/// Mutation `index` of `valid`: bytes changed, cut out, repeated or replaced by pieces of `dictionary`.
+/// Mutation `index` of `valid`: bytes changed, cut out, repeated or replaced by pieces of
+/// `dictionary`.
 fn mutate(valid: &[u8], index: u64, dictionary: &[&[u8]]) -> Vec<u8> {
     let mut bytes = valid.to_vec();
     let mut counter = 0;

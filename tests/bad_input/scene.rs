@@ -1,4 +1,5 @@
-//! `cases/NAME.toml` must give exactly the messages of `cases/NAME.txt` (one per line). `UPDATE_GOLDEN=1` writes the latter.
+//! `cases/NAME.toml` must give exactly the messages of `cases/NAME.txt` (one per line).
+//! `UPDATE_GOLDEN=1` writes the latter.
 
 use abbe::io::scene_file::read_str;
 use std::fs;

@@ -218,7 +218,8 @@ fn one_wavelength_has_a_spectral_image() {
     let line = image.channels.iter().find(|c| c.name.starts_with("line."));
     let line = line.expect("a channel of the line");
     let mean = line.values.iter().sum::<f32>() / line.values.len() as f32;
-    // at worst only walks from the light count, of which 5 % hit: 208 of 4096, 0.07 of standard error
+    // at worst only walks from the light count, of which 5 % hit: 208 of 4096, 0.07 of standard
+    // error
     assert!((mean - 1.0).abs() < 0.32, "{mean}");
     let unit = |text: &str| abbe::io::exr::MetadataValue::Text(text.to_owned());
     assert_eq!(image.metadata.get("emissiveUnits"), Some(&unit("W.m^-2")));

@@ -1,7 +1,9 @@
-//! Decodes images and reads models, one outcome a line, for `run.py`, which compares them with other programs.
+//! Decodes images and reads models, one outcome a line, for `run.py`, which compares them with
+//! other programs.
 //!
-//! `corpus FOLDER FILE...` writes, per file, its number, `right`, `refused` or `panic`, what is known (columns and rows, or
-//! triangles), and the message; texels go to FOLDER/NUMBER.f32 as linear red, green, blue and coverage.
+//! `corpus FOLDER FILE...` writes, per file, its number, `right`, `refused` or `panic`, what is
+//! known (columns and rows, or triangles), and the message; texels go to FOLDER/NUMBER.f32 as
+//! linear red, green, blue and coverage.
 
 #![allow(clippy::print_stdout, reason = "a script reads it")]
 

@@ -46,7 +46,7 @@ fn near(what: &str, found: f64, expected: f64, tolerance: f64) {
     );
 }
 
-/// What is said about a model of a case, without the model's own name before each line.
+/// Notes on a model of a case, without the model's own name before each line.
 fn notes(case: &str, file: &str) -> Vec<String> {
     let loaded = scene_file::load(&folder(case).join(file), &[]).unwrap_or_else(|e| panic!("{e}"));
     let own = |n: &String| n.strip_prefix(&format!("{file}: ")).map(str::to_owned);
@@ -65,8 +65,8 @@ fn panes_of_mtl_let_through_what_their_statements_say() {
         ("mtl-d-and-tr", "both_same.obj", "tr075.obj", 0.75),
     ] {
         let found = mean(&picture(case, "scene.toml", (own, file), 64));
-        // coverage is a factor of one path: 1024 samples of 0 or 1 are within 0.016 (1 sigma), those of wavelengths
-        // alone closer
+        // coverage is a factor of one path: 1024 samples of 0 or 1 are within 0.016 (1 sigma),
+        // those of wavelengths alone closer
         near(file, found, expected, 0.065);
     }
 }
@@ -205,8 +205,8 @@ fn spots_fall_off_as_the_extension_recommends() {
         (72, 0.826),
     ] {
         let rows = [0, 1, 2, 3].map(|y| found[80 * y + column]);
-        // 1024 samples whose wavelengths spread Y by less than its size: 4.5 standard errors of 3 % each are 14 %, and
-        // a smooth step gives from 1 % to twice as much
+        // 1024 samples whose wavelengths spread Y by less than its size: 4.5 standard errors of 3 %
+        // each are 14 %, and a smooth step gives from 1 % to twice as much
         near("column", mean(&rows) / PER_NIT, expected, 0.1 * expected);
     }
 }

@@ -12,7 +12,7 @@ use measure::{Shares, single_scattering};
 use profile::{Blend, Corners, Pattern};
 
 /// Roughness below which nothing is compensated: a metal loses less than 1e-4 of diffuse light.
-pub const NEGLIGIBLE_ALPHA: f64 = 4e-3;
+pub const NEGLIGIBLE_ALPHA: f64 = 3.9e-3;
 
 /// Knots of roughness from [`NEGLIGIBLE_ALPHA`] to 1, where it varies.
 const ALPHAS: usize = 32;
@@ -307,7 +307,7 @@ mod tests {
     #[test]
     fn nothing_is_tabulated_for_what_needs_nothing() {
         let mut needs = Needs::default();
-        needs.reflectors.add([0.0039, 0.0039]);
+        needs.reflectors.add([0.0038, 0.0038]);
         let tables = AlbedoTables::new(&needs);
         assert!(tables.reflectors.patterns.is_empty() && tables.interfaces.patterns.is_empty());
         assert!(tables.lost_by_reflector(&Ggx { alpha: [0.3; 2] }).is_none());

@@ -23,8 +23,8 @@ const ALPHAS: [[f64; 2]; 7] = [
 ];
 const INDICES: [f64; 3] = [1.05, 1.5, 2.5];
 /// Points of a quadrature over what a sample draws.
-const SAMPLES: u32 = 4096;
-/// What is claimed of white furnaces.
+const SAMPLES: u32 = 16_384;
+/// Claims of white furnaces.
 const TOLERANCE: f64 = 0.01;
 
 fn tables(needs: &Needs) -> &'static AlbedoTables {
@@ -90,8 +90,8 @@ fn coated(alpha: [f64; 2], multiple: bool, interface: Interface<'static>) -> Bsd
     bsdf(&lobes, interface)
 }
 
-/// Weights of samples for a given direction, at the points of a lattice of low discrepancy (Roberts'
-/// R3): their mean is the albedo, of light that goes to the other side too.
+/// Weights of samples for a given direction, at the points of a lattice of low discrepancy
+/// (Roberts' R3): their mean is the albedo, of light that goes to the other side too.
 fn weights(surface: &Bsdf, degrees: f64, turn: f64) -> Moments {
     const PLASTIC: f64 = 1.220_744_084_605_759_6;
     let given = direction(degrees, turn);

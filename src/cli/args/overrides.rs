@@ -1,4 +1,5 @@
-//! Options that stand for keys of the scene file: any key by its name, and the moment at which a model is shown.
+//! Options that stand for keys of the scene file: any key by its name, and the moment at which a
+//! model is shown.
 
 use super::values::{finite, key_value, positive};
 use crate::cli::CliError;
@@ -33,7 +34,8 @@ pub struct Moment {
     /// Frames per second
     #[arg(long, value_name = "RATE", requires = "frame", default_value = "24", value_parser = positive, allow_negative_numbers = true)]
     pub fps: f64,
-    /// How long the shutter is open from then on: a share of a frame, or a time such as 0.02s or 20ms
+    /// How long the shutter is open from then on: a share of a frame, or a time such as 0.02s or
+    /// 20ms
     #[arg(long, value_name = "OPEN", requires = "frame", default_value = "0.5", value_parser = open, allow_negative_numbers = true)]
     pub shutter: Open,
 }

@@ -14,7 +14,8 @@ use crate::spectrum::ior::{LINE_C_NM, LINE_D_NM, LINE_F_NM};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// The built-in library with the catalogs of the folders of `--glass-path`, or else of `ABBE_GLASS_PATH`.
+/// The built-in library with the catalogs of the folders of `--glass-path`, or else of
+/// `ABBE_GLASS_PATH`.
 pub fn library(folders: &[PathBuf]) -> Result<Library, CliError> {
     let mut library = Library::embedded().clone();
     let from_environment: Vec<PathBuf>;

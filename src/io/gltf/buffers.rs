@@ -1,4 +1,5 @@
-//! Bytes of a glTF file: URIs, buffers, views, accessors. Nothing is allocated before it is known to be there.
+//! Bytes of a glTF file: URIs, buffers, views, accessors. Nothing is allocated before it is known
+//! to be there.
 
 use super::{Fault, hashed};
 use crate::io::files;
@@ -23,7 +24,8 @@ pub struct Buffers<'a> {
     pub hash: u64,
 }
 
-/// Bytes that a URI refers to, and the path of a file that held them. `what` names the URI's owner in messages.
+/// Bytes that a URI refers to, and the path of a file that held them. `what` names the URI's owner
+/// in messages.
 pub fn read_uri(
     folder: &Path,
     uri: &str,

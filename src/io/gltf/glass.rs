@@ -1,4 +1,5 @@
-//! Glass in glTF files: by name, or from index and dispersion; where it fills a mesh, and what it absorbs.
+//! Glass in glTF files: by name, or from index and dispersion; where it fills a mesh, and what it
+//! absorbs.
 
 use super::material::finite;
 use super::{Fault, Reader};
@@ -10,8 +11,8 @@ use gltf::json::material::Material as Source;
 /// Range in which a Cauchy formula is taken to hold.
 const RANGE_NM: [f64; 2] = [100.0, 20_000.0];
 
-/// Whether the material fills the inside of a closed mesh: it transmits and has a thickness, or says nothing of one, as
-/// Blender writes glass.
+/// Whether the material fills the inside of a closed mesh: it transmits and has a thickness, or
+/// says nothing of one, as Blender writes glass.
 pub fn has_volume(source: &Source) -> bool {
     let extensions = source.extensions.as_ref();
     let transmits = extensions

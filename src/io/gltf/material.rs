@@ -1,7 +1,9 @@
-//! Materials of a glTF file: metallic-roughness and its extensions, as mixtures of the lobes there are.
+//! Materials of a glTF file: metallic-roughness and its extensions, as mixtures of the lobes there
+//! are.
 //!
-//! A dielectric is a diffuse base under a GGX layer; a metal reflects its base color at normal incidence. Transmission is
-//! a solid where the material has a thickness and its mesh is closed, else a thin sheet.
+//! A dielectric is a diffuse base under a GGX layer; a metal reflects its base color at normal
+//! incidence. Transmission is a solid where the material has a thickness and its mesh is closed,
+//! else a thin sheet.
 
 use super::buffers::read_uri;
 use super::glass::has_volume;
@@ -35,11 +37,11 @@ pub struct Images {
 
 /// A material on one kind of mesh.
 pub struct Converted {
-    /// Its lobes.
+    /// Lobes of the material.
     pub material: Material,
-    /// What it emits.
+    /// Emission of the surface.
     pub emission: Option<AreaEmission>,
-    /// What fills the mesh.
+    /// Medium that fills the mesh.
     pub interior: Option<Medium>,
 }
 
@@ -430,8 +432,8 @@ impl Reader<'_> {
         })
     }
 
-    /// Strength, index and tint of the layer's reflection, for a material of index `index`. The index is infinite where the
-    /// layer reflects all at normal incidence, but for its tint.
+    /// Strength, index and tint of the layer's reflection, for a material of index `index`. The
+    /// index is infinite where the layer reflects all at normal incidence, but for its tint.
     fn specular(
         &mut self,
         source: &Source,
@@ -494,8 +496,9 @@ impl Reader<'_> {
     }
 }
 
-/// The index of a layer whose reflectance at normal incidence is that of `index`, times `strength` where that is above 1 or the
-/// index is infinite (KHR_materials_specular: no more than 1), and the factor that is left for its tint.
+/// The index of a layer whose reflectance at normal incidence is that of `index`, times `strength`
+/// where that is above 1 or the index is infinite (KHR_materials_specular: no more than 1), and the
+/// factor that is left for its tint.
 fn layer(index: f64, strength: f64) -> (f64, f64) {
     if index.is_finite() && strength <= 1.0 || strength <= 0.0 {
         return (if index.is_finite() { index } else { 1.5 }, 1.0);

@@ -1,7 +1,8 @@
 //! glTF 2.0 (`.gltf`, `.glb`), read through the typed JSON of the `gltf` crate.
 //!
-//! The crate's own walk over a file trusts its indices; here every index, range and count is checked as it is used, so that
-//! whatever the bytes, the result is a model or a [`Fault`]. Candela, lux and nit are photometric, shaped by D65.
+//! The crate's own walk over a file trusts its indices; here every index, range and count is
+//! checked as it is used, so that whatever the bytes, the result is a model or a [`Fault`].
+//! Candela, lux and nit are photometric, shaped by D65.
 
 mod animation;
 mod buffers;
@@ -40,7 +41,7 @@ const UNDERSTOOD: [&str; 12] = [
 /// Most triangles of all meshes together.
 const MAX_TRIANGLES: usize = 100 << 20;
 
-/// What is wrong with a file, in words.
+/// Fault of a file, in words.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault(pub String);
 
@@ -54,7 +55,7 @@ impl Fault {
     }
 }
 
-/// What reading needs and gathers.
+/// State of a reading: what it needs and gathers.
 struct Reader<'a> {
     root: &'a Root,
     buffers: &'a Buffers<'a>,
@@ -76,10 +77,11 @@ impl Reader<'_> {
     }
 }
 
-/// Reads the bytes of a file whose URIs are relative to `folder`, placed in space and time by `staging`.
+/// Reads the bytes of a file whose URIs are relative to `folder`, placed in space and time by
+/// `staging`.
 ///
 /// # Errors
-/// What is wrong, in words, without the file's name.
+/// Fault, in words, without the file's name.
 pub fn read(bytes: &[u8], folder: &Path, staging: &Staging) -> Result<Model, String> {
     parse(bytes, folder, staging).map_err(|fault| fault.0)
 }
@@ -186,7 +188,8 @@ fn container(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Fault> {
     let json = chunk(12)?;
     let mut end = 20 + json.len();
     loop {
-        // chunks are padded to words; some writers leave that out, and the next one follows directly
+        // chunks are padded to words; some writers leave that out, and the next one follows
+        // directly
         let padded = end.next_multiple_of(4);
         let next = if is(padded, b"BIN\0") || !is(end, b"BIN\0") {
             padded

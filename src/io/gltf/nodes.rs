@@ -40,7 +40,7 @@ type Known = (MaterialId, Option<AreaEmission>, Option<MediumId>);
 /// The arrays of a mesh by material.
 type ByMaterial = Vec<(Option<usize>, Arrays)>;
 
-/// What has been made of meshes and materials so far.
+/// Meshes and materials made so far.
 #[derive(Default)]
 struct Made {
     /// Of meshes as they are in the file.
@@ -314,7 +314,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The arrays of a mesh: primitives of one material are one, so that a solid may be made of several.
+    /// The arrays of a mesh: primitives of one material are one, so that a solid may be made of
+    /// several.
     fn arrays(&mut self, index: usize, made: &mut Made) -> Result<ByMaterial, Fault> {
         let root = self.root;
         let mesh = root
@@ -350,7 +351,8 @@ impl Reader<'_> {
         Ok(by_material.into_iter().filter_map(some).collect())
     }
 
-    /// A shape with its material; `None` if it has no area. `given`: its triangles, and whether it has texture coordinates.
+    /// A shape with its material; `None` if it has no area. `given`: its triangles, and whether it
+    /// has texture coordinates.
     fn part(
         &mut self,
         index: usize,

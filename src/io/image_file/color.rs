@@ -29,7 +29,7 @@ impl Transfer {
     }
 }
 
-/// What a file says about its colors.
+/// Statements of a file about its colors.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Statement {
     /// Nothing, or that they are sRGB.

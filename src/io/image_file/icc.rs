@@ -85,7 +85,8 @@ mod tests {
         let Values::Words(words) = to_srgb(&values, &profile, false).expect("valid") else {
             panic!("not converted");
         };
-        // by the matrix of primaries.rs: linear (0.5029, 0.2502, 0.1248) in P3 is (0.5598, 0.2395, 0.1064) in sRGB
+        // by the matrix of primaries.rs: linear (0.5029, 0.2502, 0.1248) in P3 is (0.5598, 0.2395,
+        // 0.1064) in sRGB
         let expected = [0.7741, 0.5267, 0.3612];
         for (word, e) in words[0].iter().zip(expected) {
             assert!((f64::from(*word) / 65535.0 - e).abs() < 2e-3, "{words:?}");

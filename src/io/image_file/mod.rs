@@ -1,8 +1,8 @@
 //! Images for textures and environments: PNG, JPEG, OpenEXR, Radiance.
 //!
-//! The kind is told by the first bytes, not by the name. Sizes are checked against a limit, and against what so few bytes
-//! can hold, before anything of that size is allocated. What a file says about its colors is followed, or the file is
-//! refused; what cannot be kept is said in a note.
+//! The kind is told by the first bytes, not by the name. Sizes are checked against a limit, and
+//! against what so few bytes can hold, before anything of that size is allocated. What a file says
+//! about its colors is followed, or the file is refused; what cannot be kept is said in a note.
 
 mod color;
 mod floats;
@@ -17,13 +17,13 @@ use crate::texture::{Image, MAX_TEXELS};
 
 /// Largest image file.
 pub const MAX_IMAGE_BYTES: u64 = 1 << 30;
-/// No PNG or JPEG describes more texels by a byte (deflate packs at most 1032 to 1; two bits of a JPEG say 64), and no
-/// OpenEXR file more samples.
+/// No PNG or JPEG describes more texels by a byte (deflate packs at most 1032 to 1; two bits of a
+/// JPEG say 64), and no OpenEXR file more samples.
 const MAX_TEXELS_PER_BYTE: u64 = 8192;
 /// Most samples of an OpenEXR image.
 const MAX_SAMPLES: u64 = 1 << 29;
 
-/// What the numbers of an image mean. OpenEXR and Radiance hold linear numbers in any case.
+/// Meaning of the numbers of an image. OpenEXR and Radiance hold linear numbers in any case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
     /// Colors, encoded as the file says; sRGB where it says nothing.
@@ -39,7 +39,7 @@ pub enum Encoding {
 pub struct Decoded {
     /// The image.
     pub image: Image,
-    /// What was not kept, one line each.
+    /// Notes on what was not kept, one line each.
     pub notes: Vec<String>,
 }
 
@@ -54,7 +54,7 @@ struct Limits {
 /// An image from the bytes of a file.
 ///
 /// # Errors
-/// What is wrong, in words, without the file's name.
+/// Fault, in words, without the file's name.
 pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<Decoded, String> {
     let limits = Limits {
         texels: MAX_TEXELS,
@@ -100,7 +100,8 @@ fn check_size(width: u64, height: u64, bytes: usize, limits: Limits) -> Result<(
     Ok(())
 }
 
-/// How many texels are meant, and the first of them by column and row: "3 texels, the first at column 2, row 0".
+/// How many texels are meant, and the first of them by column and row: "3 texels, the first at
+/// column 2, row 0".
 fn texels(count: usize, first: usize, width: u32) -> String {
     let (column, row) = (first % width.max(1) as usize, first / width.max(1) as usize);
     match count {

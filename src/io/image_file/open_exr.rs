@@ -1,6 +1,8 @@
-//! OpenEXR images as textures: the display window of the first part that has colors (openexr.com, "Technical Introduction").
+//! OpenEXR images as textures: the display window of the first part that has colors (openexr.com,
+//! "Technical Introduction").
 //!
-//! Pixels of the data window outside the display window are not seen, and what the data window leaves open is black.
+//! Pixels of the data window outside the display window are not seen, and what the data window
+//! leaves open is black.
 
 use super::primaries::{Primaries, xyz_to_linear_srgb};
 use super::{Decoded, Encoding, Limits, MAX_TEXELS_PER_BYTE, check_size, floats};

@@ -1,5 +1,5 @@
-//! PNG images, with the chunks that say what their colors are (PNG, third edition, 4.3: cICP before iCCP before sRGB before
-//! gAMA and cHRM).
+//! PNG images, with the chunks that say what their colors are (PNG, third edition, 4.3: cICP before
+//! iCCP before sRGB before gAMA and cHRM).
 
 use super::color::{Raster, Statement, Transfer, Values};
 use super::primaries::{Primaries, SRGB};
@@ -91,7 +91,8 @@ fn statement(info: &Info) -> Result<Statement, String> {
     Ok(Statement::Space(transfer, primaries))
 }
 
-/// The primaries and curves of ITU-T H.273 that a cICP chunk may name, as far as they are pictures for a display.
+/// The primaries and curves of ITU-T H.273 that a cICP chunk may name, as far as they are pictures
+/// for a display.
 fn code_points(primaries: u8, transfer: u8) -> Result<Statement, String> {
     let d65 = SRGB.white;
     let (red, green, blue, white) = match primaries {

@@ -1,7 +1,8 @@
 //! Colors of other primaries as linear sRGB.
 //!
-//! A color space is given by the chromaticities of its red, green, blue and white (SMPTE RP 177: the three are scaled so
-//! that they add up to the white). Another white is adapted to D65 by the Bradford transform (ICC.1:2022, annex E).
+//! A color space is given by the chromaticities of its red, green, blue and white (SMPTE RP 177:
+//! the three are scaled so that they add up to the white). Another white is adapted to D65 by the
+//! Bradford transform (ICC.1:2022, annex E).
 
 use glam::{DMat3, DVec3};
 

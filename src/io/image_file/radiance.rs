@@ -1,5 +1,6 @@
-//! Radiance HDR pictures (.hdr, .pic): 8-bit red, green, blue with one exponent, in run-length code (G. Ward, "Real Pixels",
-//! Graphics Gems II, 1991; the header and both codes as the manual of Radiance, "filefmts", has them).
+//! Radiance HDR pictures (.hdr, .pic): 8-bit red, green, blue with one exponent, in run-length code
+//! (G. Ward, "Real Pixels", Graphics Gems II, 1991; the header and both codes as the manual of
+//! Radiance, "filefmts", has them).
 
 use super::primaries::{Primaries, xyz_to_linear_srgb};
 use super::{Decoded, Encoding, Limits, check_size, floats};
@@ -10,7 +11,7 @@ const MAX_HEADER: usize = 1 << 16;
 /// Widths of scan lines that may be in the newer code, a run-length code for each component.
 const NEW_WIDTHS: std::ops::Range<usize> = 8..32768;
 
-/// What the header says.
+/// Contents of the header.
 struct Header {
     /// Product of all exposures: pixels were multiplied by it.
     exposure: [f64; 3],
@@ -65,7 +66,8 @@ pub fn decode(bytes: &[u8], encoding: Encoding, limits: Limits) -> Result<Decode
     floats::image((width as u32, height as u32), values, header.map, encoding)
 }
 
-/// A pixel as real numbers: mantissas of 8 bits in the middle of their step, and the exponent less 128.
+/// A pixel as real numbers: mantissas of 8 bits in the middle of their step, and the exponent less
+/// 128.
 fn real([r, g, b, e]: [u8; 4], exposure: [f64; 3]) -> [f32; 3] {
     if e == 0 {
         return [0.0; 3];
@@ -206,7 +208,8 @@ fn scan_line(rest: &mut &[u8], line: &mut [[u8; 4]]) -> Option<()> {
         }
         return Some(());
     }
-    // the older code: a pixel of mantissas 1, 1, 1 repeats the one before; several in a row are digits to the base 256
+    // the older code: a pixel of mantissas 1, 1, 1 repeats the one before; several in a row are
+    // digits to the base 256
     let (mut at, mut shift) = (0, 0);
     while at < length {
         let (&pixel, after) = rest.split_first_chunk::<4>()?;

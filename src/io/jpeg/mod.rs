@@ -1,9 +1,10 @@
 //! JPEG images (ITU-T T.81): sequential and progressive Huffman code of 8 bits, any order of scans.
 //!
-//! The inverse transform, the interpolation of chroma and the color conversion follow the arithmetic that libjpeg made the
-//! custom (the integer transform of Loeffler, Ligtenberg and Moschytz with 13-bit constants, triangle filters, 16-bit
-//! fixed point), so that texels are those that other programs show. What is damaged is an error; what is not read (arithmetic
-//! code, lossless, 12 bits) is refused by name.
+//! The inverse transform, the interpolation of chroma and the color conversion follow the
+//! arithmetic that libjpeg made the custom (the integer transform of Loeffler, Ligtenberg and
+//! Moschytz with 13-bit constants, triangle filters, 16-bit fixed point), so that texels are those
+//! that other programs show. What is damaged is an error; what is not read (arithmetic code,
+//! lossless, 12 bits) is refused by name.
 
 mod bits;
 mod planes;
@@ -20,7 +21,8 @@ pub struct Jpeg {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Red, green and blue of each pixel, rows from the top, as the file encodes them (sRGB by custom).
+    /// Red, green and blue of each pixel, rows from the top, as the file encodes them (sRGB by
+    /// custom).
     pub rgb: Vec<[u8; 3]>,
     /// Whether the file has one component.
     pub gray: bool,
@@ -49,7 +51,7 @@ struct Component {
     missing_bits: [i8; 64],
 }
 
-/// What a frame header says.
+/// Contents of a frame header.
 #[derive(Clone, Debug)]
 struct Frame {
     progressive: bool,
@@ -71,10 +73,11 @@ enum ColorModel {
     Ycck,
 }
 
-/// Decodes a file. `accept` is asked for width and height before anything of that size is allocated.
+/// Decodes a file. `accept` is asked for width and height before anything of that size is
+/// allocated.
 ///
 /// # Errors
-/// What is wrong, in words.
+/// Fault, in words.
 pub fn decode(
     bytes: &[u8],
     accept: impl Fn(u64, u64) -> Result<(), String>,

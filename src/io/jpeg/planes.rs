@@ -1,7 +1,8 @@
 //! Planes of samples at full size, and their colors.
 //!
-//! Chroma of half the size is interpolated by triangle filters, 3/4 of the nearer and 1/4 of the farther sample, as
-//! libjpeg's "fancy" upsampling does it; other ratios are repeated. Colors by JFIF 1.02.
+//! Chroma of half the size is interpolated by triangle filters, 3/4 of the nearer and 1/4 of the
+//! farther sample, as libjpeg's "fancy" upsampling does it; other ratios are repeated. Colors by
+//! JFIF 1.02.
 
 use super::transform::samples;
 use super::{ColorModel, Component, Frame};
@@ -80,7 +81,8 @@ impl Plane {
     }
 }
 
-/// Twice as many samples: 3/4 of the own and 1/4 of the one beside. Values are `scale` times too large.
+/// Twice as many samples: 3/4 of the own and 1/4 of the one beside. Values are `scale` times too
+/// large.
 fn widened<T: Copy + Into<u32>>(values: &[T], scale: u32, out: &mut Vec<u8>) {
     let shift = 2 + scale.ilog2();
     // halves are rounded up and down in turn

@@ -1,4 +1,5 @@
-//! Scans: the blocks of one or several components, whole or by bands and bits (T.81, annexes F and G).
+//! Scans: the blocks of one or several components, whole or by bands and bits (T.81, annexes F and
+//! G).
 
 use super::bits::{Bits, Huffman};
 use super::segments::{Segments, ZIGZAG};
@@ -93,7 +94,7 @@ impl Scan {
     }
 }
 
-/// What the blocks of a component share while a scan is read.
+/// State that the blocks of a component share while a scan is read.
 struct Decoder<'t> {
     dc: Option<&'t Huffman>,
     ac: Option<&'t Huffman>,
@@ -203,7 +204,8 @@ impl Decoder<'_> {
         if k > 64 { Err(outside()) } else { Ok(()) }
     }
 
-    /// One block of a scan of some coefficients and bits. `run`: blocks without further ones, from a code before.
+    /// One block of a scan of some coefficients and bits. `run`: blocks without further ones, from
+    /// a code before.
     fn step(
         &mut self,
         scan: &Scan,

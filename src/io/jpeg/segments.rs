@@ -13,7 +13,7 @@ pub const ZIGZAG: [usize; 64] = [
 /// Most scans: a file of a progressive image has some ten.
 const MAX_SCANS: usize = 500;
 
-/// What Adobe's marker says of the colors.
+/// Colors by Adobe's marker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Adobe {
     pub transform: u8,
@@ -72,7 +72,8 @@ impl Segments {
         let mut at = 2;
         let mut scans = 0;
         loop {
-            // markers may be preceded by any number of fill bytes; other bytes between segments say nothing
+            // markers may be preceded by any number of fill bytes; other bytes between segments say
+            // nothing
             while *bytes.get(at).ok_or_else(cut)? != 0xff {
                 at += 1;
             }

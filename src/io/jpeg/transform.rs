@@ -1,8 +1,9 @@
 //! The inverse cosine transform of a block in integers.
 //!
-//! C. Loeffler, A. Ligtenberg, G. Moschytz, "Practical Fast 1-D DCT Algorithms with 11 Multiplications", ICASSP 1989, with
-//! constants of 13 bits, and 2 bits more between the columns and the rows: the arithmetic of libjpeg's accurate integer
-//! transform, so that results are the same to the bit.
+//! C. Loeffler, A. Ligtenberg, G. Moschytz, "Practical Fast 1-D DCT Algorithms with 11
+//! Multiplications", ICASSP 1989, with constants of 13 bits, and 2 bits more between the columns
+//! and the rows: the arithmetic of libjpeg's accurate integer transform, so that results are the
+//! same to the bit.
 
 const BITS: u32 = 13;
 const BETWEEN: u32 = 2;

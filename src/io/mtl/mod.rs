@@ -52,7 +52,8 @@ pub fn fuzz_mtl(bytes: &[u8]) {
     }
 }
 
-/// A mesh without materials: light gray, diffuse. `origin`: its zero in the coordinates that `to_world` takes.
+/// A mesh without materials: light gray, diffuse. `origin`: its zero in the coordinates that
+/// `to_world` takes.
 #[must_use]
 pub fn plain(mesh: Mesh, origin: DVec3, path: &Path, to_world: DAffine3) -> Model {
     let gray = LobeSpec::Diffuse {
@@ -89,7 +90,7 @@ struct Reader<'a> {
 /// Reads an OBJ file with its materials, which are in `folder`.
 ///
 /// # Errors
-/// What is wrong, in words, without the file's name.
+/// Fault, in words, without the file's name.
 pub fn read(bytes: &[u8], folder: &Path, to_world: DAffine3) -> Result<Model, String> {
     let parsed = parse_obj(bytes).map_err(|error| error.to_string())?;
     let mut reader = Reader::new(folder);

@@ -1,9 +1,9 @@
-//! Statements of MTL files (Wavefront, "MTL material format"; `Pr`, `Pm` and `norm` of the extension
-//! for physically based shading), each parsed by tobj.
+//! Statements of MTL files (Wavefront, "MTL material format"; `Pr`, `Pm` and `norm` of the
+//! extension for physically based shading), each parsed by tobj.
 //!
-//! tobj reads a file whole or not at all, and says no line. Statements are therefore handed to it one
-//! by one, after lines are joined and comments and encodings dealt with: a statement that is not
-//! understood costs that statement, and every note carries its line.
+//! tobj reads a file whole or not at all, and says no line. Statements are therefore handed to it
+//! one by one, after lines are joined and comments and encodings dealt with: a statement that is
+//! not understood costs that statement, and every note carries its line.
 
 use crate::io::obj::text::{Statement, Statements};
 

@@ -1,4 +1,5 @@
-//! Faces of an OBJ file as the arrays of one mesh: a vertex for each corner that differs, polygons as fans of triangles.
+//! Faces of an OBJ file as the arrays of one mesh: a vertex for each corner that differs, polygons
+//! as fans of triangles.
 
 use super::parse::{Corner, Group, NONE, Parsed};
 use glam::DVec3;

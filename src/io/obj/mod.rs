@@ -1,8 +1,9 @@
 //! Wavefront OBJ files.
 //!
-//! For [`load`] all objects and groups of a file are one mesh; `io::mtl` makes a mesh for each material. Polygons become
-//! triangle fans; points and lines are ignored. Missing normals stay missing (flat shading). Whatever the bytes, the result
-//! is valid meshes or an error that names the file and the line.
+//! For [`load`] all objects and groups of a file are one mesh; `io::mtl` makes a mesh for each
+//! material. Polygons become triangle fans; points and lines are ignored. Missing normals stay
+//! missing (flat shading). Whatever the bytes, the result is valid meshes or an error that names
+//! the file and the line.
 
 mod arrays;
 pub mod parse;
@@ -36,7 +37,7 @@ pub struct Loaded {
     pub mesh: Mesh,
     /// Zero of the mesh in the coordinates of the file.
     pub origin: DVec3,
-    /// What was not understood, one line each.
+    /// Notes on what was not understood, one line each.
     pub notes: Vec<String>,
 }
 
@@ -79,8 +80,9 @@ pub fn read_arrays(bytes: &[u8]) -> Result<(Arrays, Vec<String>), ObjError> {
     Ok((arrays, notes))
 }
 
-/// The mesh of several files, one per moment (seconds, ascending), over `shutter`. All have the same faces in the same order;
-/// texture coordinates are those of the first. Beside it, where its zero is in the coordinates of the files.
+/// The mesh of several files, one per moment (seconds, ascending), over `shutter`. All have the
+/// same faces in the same order; texture coordinates are those of the first. Beside it, where its
+/// zero is in the coordinates of the files.
 ///
 /// # Errors
 /// [`FramesError`] if the faces differ, or a frame is no mesh.
@@ -100,7 +102,8 @@ pub fn deforming(
             expected,
         });
     }
-    // programs that write OBJ merge equal normals, so that a vertex of one file may be several of another
+    // programs that write OBJ merge equal normals, so that a vertex of one file may be several of
+    // another
     if frames
         .iter()
         .any(|f| f.1.triangles != frames[0].1.triangles)
@@ -134,7 +137,7 @@ pub enum FramesError {
     Faces {
         /// Which frame, from 0.
         frame: usize,
-        /// Its triangles.
+        /// Number of its triangles.
         count: usize,
         /// Those of the first.
         expected: usize,

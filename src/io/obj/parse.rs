@@ -1,8 +1,8 @@
-//! The statements of an OBJ file as vertices and faces (Wavefront, "Object Files", appendix B1 of the Advanced Visualizer
-//! manual).
+//! The statements of an OBJ file as vertices and faces (Wavefront, "Object Files", appendix B1 of
+//! the Advanced Visualizer manual).
 //!
-//! A statement that is not understood costs that statement, and a note with its line; numbers and indices of vertices and
-//! faces must be right.
+//! A statement that is not understood costs that statement, and a note with its line; numbers and
+//! indices of vertices and faces must be right.
 
 use super::text::{Statement, Statements};
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ const MAX_CORNERS: usize = 1 << 30;
 pub struct AtLine {
     /// Line, from 1.
     pub line: usize,
-    /// What is wrong there.
+    /// Fault at the place.
     pub message: String,
 }
 
@@ -40,7 +40,7 @@ pub struct Group {
     pub faces: Vec<(u32, u32)>,
 }
 
-/// What a file holds.
+/// Contents of a file.
 #[derive(Clone, Debug, Default)]
 pub struct Parsed {
     /// Positions as the file says them.
@@ -53,7 +53,7 @@ pub struct Parsed {
     pub groups: Vec<Group>,
     /// Names of material files, as they are written, with their lines.
     pub libraries: Vec<(String, usize)>,
-    /// What was not understood.
+    /// Notes on what was not understood.
     pub notes: Vec<String>,
 }
 

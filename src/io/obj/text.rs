@@ -1,18 +1,20 @@
 //! Statements of OBJ and MTL files: lines with their numbers.
 //!
-//! A backslash at the end of a line continues it, `#` at its start or after a blank begins a comment, and lines end as on any
-//! system. Text that is not UTF-8 is taken as Latin-1, byte by byte, so that different names stay different.
+//! A backslash at the end of a line continues it, `#` at its start or after a blank begins a
+//! comment, and lines end as on any system. Text that is not UTF-8 is taken as Latin-1, byte by
+//! byte, so that different names stay different.
 
 use std::borrow::Cow;
 
-/// A statement: the line it begins on (from 1), its first word, and the rest without blanks around it.
+/// A statement: the line it begins on (from 1), its first word, and the rest without blanks around
+/// it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Statement<'a> {
     /// Line, from 1.
     pub line: usize,
-    /// Its first word.
+    /// First word.
     pub key: Cow<'a, str>,
-    /// What follows the key.
+    /// Text after the key.
     pub rest: Cow<'a, str>,
 }
 

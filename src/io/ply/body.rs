@@ -6,7 +6,7 @@ use super::header::{Format, Property, Scalar};
 pub struct Body<'a> {
     pub format: Format,
     pub rest: &'a [u8],
-    /// What is left of the line of the element; text only.
+    /// Rest of the line of the element; text only.
     line: &'a [u8],
     /// Number of that line in the file.
     number: usize,
@@ -59,7 +59,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// What is left after the last element, in words.
+    /// Rest after the last element, in words.
     pub fn leftover(mut self) -> Option<String> {
         if self.format == Format::Ascii {
             self.advance()?;

@@ -3,7 +3,7 @@
 /// Most properties of an element.
 const MAX_PROPERTIES: usize = 256;
 
-/// What the header says.
+/// Contents of the header.
 pub struct Header<'a> {
     pub format: Format,
     pub elements: Vec<Element>,

@@ -1,8 +1,9 @@
 //! PLY meshes: ASCII, binary little- and big-endian (G. Turk, "The PLY Polygon File Format", 1994).
 //!
-//! Read are the vertices' positions, normals and texture coordinates, the faces with the coordinates of their corners, and
-//! triangle strips; other properties and elements are passed over. Polygons become triangle fans. Counts are checked against
-//! the bytes there are before anything is allocated.
+//! Read are the vertices' positions, normals and texture coordinates, the faces with the
+//! coordinates of their corners, and triangle strips; other properties and elements are passed
+//! over. Polygons become triangle fans. Counts are checked against the bytes there are before
+//! anything is allocated.
 
 mod body;
 mod header;
@@ -19,7 +20,7 @@ pub fn fuzz_ply(bytes: &[u8]) {
     _ = read(bytes);
 }
 
-/// What the elements say.
+/// Contents of the elements.
 #[derive(Default)]
 struct Arrays {
     positions: Vec<[f64; 3]>,
@@ -39,7 +40,7 @@ struct Arrays {
 /// Reads the bytes of a file.
 ///
 /// # Errors
-/// What is wrong, in words.
+/// Fault, in words.
 pub fn read(bytes: &[u8]) -> Result<Loaded, String> {
     let (arrays, notes) = elements(bytes)?;
     arrays.mesh(notes)

@@ -139,9 +139,10 @@ pub fn parse(source: &Source) -> Result<DeTable<'_>, SceneFileErrors> {
 /// Most parts of the key of an override.
 const MAX_STEPS: usize = 32;
 
-/// Replaces or adds the values of the source's overrides. A key is dotted (`render.spp`); a list element is named by its
-/// index from 0 or by its `name` (`object.0.material`, `object.lens.material`). Whether the last key exists is left to the
-/// reader, which reports unknown keys.
+/// Replaces or adds the values of the source's overrides. A key is dotted (`render.spp`); a list
+/// element is named by its index from 0 or by its `name` (`object.0.material`,
+/// `object.lens.material`). Whether the last key exists is left to the reader, which reports
+/// unknown keys.
 pub fn apply_overrides<'s>(
     document: &mut DeTable<'s>,
     source: &'s Source,
@@ -235,7 +236,8 @@ fn no_list(document: &DeTable<'_>, name: &str) -> Problem {
     ))
 }
 
-/// A hash of what the document says without its `[render]` table: comments, order of keys and layout do not matter.
+/// A hash of what the document says without its `[render]` table: comments, order of keys and
+/// layout do not matter.
 #[must_use]
 pub fn scene_hash(document: &DeTable<'_>) -> u64 {
     let scene = document.iter().filter(|(key, _)| key.get_ref() != "render");

@@ -6,7 +6,7 @@ use crate::io::files::FileProblem;
 use std::fmt;
 use strsim::levenshtein;
 
-/// What is wrong at one place of a scene file.
+/// Fault at one place of a scene file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Problem {
     /// Not TOML, or a value of the wrong type or form.
@@ -126,7 +126,7 @@ pub struct SceneFileError {
     pub file: String,
     /// Where.
     pub place: Place,
-    /// What.
+    /// The fault.
     pub problem: Problem,
 }
 

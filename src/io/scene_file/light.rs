@@ -5,6 +5,7 @@ use super::keys::{
     Build, Built, Form, Given, Keys, POSITIVE, Range, Spec, Table, Value, first_given, keys,
 };
 use super::motion::Motion;
+use super::object::MediumUse;
 use super::reader::Reader;
 use super::spectrum::Emitted;
 use super::texture::image;
@@ -14,6 +15,8 @@ use crate::io::model::studio;
 use crate::light::Light;
 use crate::light::environment_image::EnvironmentImage;
 use crate::light::spot::{Falloff, SpotLight};
+use crate::medium::MediumId;
+use crate::scene::Subject;
 use crate::scene::description::LightDescription;
 use crate::spectrum::Emission;
 use glam::DVec3;
@@ -186,13 +189,15 @@ keys! {
         beam: Option<Given<BeamKeys>>;
         /// Light from all around.
         environment: Option<Given<EnvironmentKeys>>;
-        /// What moves it, without `scale`; of the motion of an environment only turns matter.
+        /// Motion, without `scale`; of the motion of an environment only turns matter.
         motion: Motion<false>;
+        /// The medium it is in; checked, and needed only where solids are open.
+        medium: Option<MediumUse>, or "what is there";
     }
 }
 
 impl Build for LightKeys {
-    type Output = (Option<String>, Light);
+    type Output = (Option<String>, Light, Option<MediumId>);
 
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Self::Output> {
         table.exactly_one(&LIGHTS, "light", cx)?;
@@ -215,7 +220,7 @@ impl Build for LightKeys {
         } else {
             light.under(&self.motion.0, cx.shutter.unwrap_or_default())
         };
-        Some((self.name.map(|n| n.0), light))
+        Some((self.name.map(|n| n.0), light, self.medium.map(|m| m.0)))
     }
 }
 
@@ -238,9 +243,12 @@ impl Value for Lights {
     fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
         let mut lights = Vec::new();
         for (i, item) in items(node, "an array", cx)?.into_iter().enumerate() {
-            let Some(Built((name, light))) = Built::<LightKeys>::read(item, spec, cx) else {
+            let Some(Built((name, light, medium))) = Built::<LightKeys>::read(item, spec, cx)
+            else {
                 continue;
             };
+            let subject = Subject::Light(lights.len());
+            cx.named_media.extend(medium.map(|m| (subject, m)));
             lights.push(At {
                 value: LightDescription {
                     name: name.unwrap_or_else(|| format!("light {i}")),

@@ -20,10 +20,10 @@ use std::ops::Range as Span;
 /// Most lobes of a material.
 const MAX_LOBES: usize = 4;
 
-/// What uses of a material need to know of it.
+/// Facts of a material that its uses need.
 #[derive(Clone, Debug)]
 pub struct MaterialFacts {
-    /// Its index.
+    /// Index of the material.
     pub id: MaterialId,
     /// Whether it needs a medium on each side.
     pub is_dielectric: bool,

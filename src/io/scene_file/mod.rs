@@ -1,8 +1,9 @@
 //! Scene files (TOML): text -> document -> scene description, by keys.
 //!
-//! One file per kind of thing declares its keys ([`keys`]) and makes the renderer's own type of them. Every
-//! problem of a file is found in one go and carries its place, names of the library and meshes included. Each
-//! file is read once: bytes, hash, contents. `docs/scene-files.md` is the reference of every key.
+//! One file per kind of thing declares its keys ([`keys`]) and makes the renderer's own type of
+//! them. Every problem of a file is found in one go and carries its place, names of the library and
+//! meshes included. Each file is read once: bytes, hash, contents. `docs/scene-files.md` is the
+//! reference of every key.
 
 mod document;
 mod error;
@@ -44,13 +45,13 @@ use std::path::{Path, PathBuf};
 /// A scene file, read.
 #[derive(Clone, Debug)]
 pub struct LoadedScene {
-    /// What to build the scene from.
+    /// Description to build the scene from.
     pub description: SceneDescription,
     /// The `[render]` table over the defaults.
     pub settings: Settings,
     /// Scale of the output image.
     pub units: OutputUnits,
-    /// What is legal but surely not meant, one line each.
+    /// Warnings of what is legal but surely not meant, one line each.
     pub warnings: Vec<String>,
     /// Where the parts of the description stand in the file.
     pub places: Places,
@@ -72,7 +73,7 @@ impl Places {
     #[must_use]
     pub fn build_error(&self, path: &Path, error: &BuildError) -> SceneFileErrors {
         let place = error.subject().and_then(|subject| match subject {
-            Subject::Emission(i) => self.objects.get(i),
+            Subject::Emission(i) | Subject::Object(i) => self.objects.get(i),
             Subject::Light(i) => self.lights.get(i),
             Subject::Sensor(i) => self.sensors.get(i),
         });
@@ -84,7 +85,8 @@ impl Places {
     }
 }
 
-/// Reads a scene file, or a model as the scene it makes by itself, with `overrides` (dotted key, value) applied.
+/// Reads a scene file, or a model as the scene it makes by itself, with `overrides` (dotted key,
+/// value) applied.
 ///
 /// # Errors
 /// All problems of the file.

@@ -15,6 +15,7 @@ use crate::geometry::Shutter;
 use crate::io::files::{self, FileProblem};
 use crate::math::hash::{combine, hash_bytes};
 use crate::medium::MediumId;
+use crate::scene::Subject;
 use crate::scene::settings::FilterKind;
 use crate::spectrum::library::{Library, LibraryError};
 use crate::texture::Image;
@@ -33,7 +34,7 @@ pub type Definitions<T> = BTreeMap<String, Option<T>>;
 /// Files, each at its moment: what a mesh is made of.
 pub type MeshKey = Vec<(u64, PathBuf)>;
 
-/// What reading gathers and looks up.
+/// State of a reading: what it gathers and looks up.
 pub struct Reader<'s> {
     source: &'s Source,
     /// Where files are looked for; `None`: there are none.
@@ -68,10 +69,14 @@ pub struct Reader<'s> {
     pub black: u32,
     /// Whether anything has a motion.
     pub moves: bool,
-    /// What is legal but surely not meant.
+    /// Warnings of what is legal but surely not meant.
     pub warnings: Vec<String>,
-    /// What was not understood of other files, one line each.
+    /// Notes on what was not understood of other files, one line each.
     pub notes: Vec<String>,
+    /// The media that emissions, lights and sensors are said to be in.
+    pub named_media: Vec<(Subject, MediumId)>,
+    /// Those of sensors, by index, which are looked up once media are known.
+    pub sensor_media: Vec<(usize, At<MediumName>)>,
     /// Hashes of the files that were read, in the order in which they are named.
     pub file_hashes: Vec<u64>,
     /// Number of these when `[[object]]` is reached.
@@ -106,6 +111,8 @@ impl<'s> Reader<'s> {
             moves: false,
             warnings: Vec::new(),
             notes: Vec::new(),
+            named_media: Vec::new(),
+            sensor_media: Vec::new(),
             file_hashes: Vec::new(),
             files_before_objects: 0,
             hash_of_file: BTreeMap::new(),
@@ -299,7 +306,8 @@ impl<'s> Reader<'s> {
         found
     }
 
-    /// The filter of a sensor: what it names, else what the file does, else the default of its kind.
+    /// The filter of a sensor: what it names, else what the file does, else the default of its
+    /// kind.
     pub fn film_filter(
         &self,
         kind: Option<FilterKind>,

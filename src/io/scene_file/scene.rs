@@ -19,6 +19,7 @@ use super::value::{At, MediumName};
 use super::{LoadedScene, Places};
 use crate::math::hash::combine;
 use crate::medium::MediumId;
+use crate::scene::Subject;
 use crate::scene::description::SceneDescription;
 use std::path::Path;
 use toml::de::DeTable;
@@ -30,7 +31,7 @@ keys! {
         unit: Unit, default Unit;
         /// How the scene is rendered.
         render: Option<Given<RenderKeys>>;
-        /// What is where no solid is.
+        /// Medium where no solid is.
         ambient: Ambient, or "vacuum, n = 1";
         /// Cameras and detectors. At least one, but for scenes with a model: there the model's
         /// cameras, or one that sees all of it, stand in.
@@ -106,6 +107,11 @@ impl SceneKeys {
             let message = "the scene has no sensor (allowed: at least one [[sensor]])";
             cx.conflict(&(0..0), message);
         }
+        for (index, named) in std::mem::take(&mut cx.sensor_media) {
+            let found = cx.defined("medium", &named.value.0, &named.at, |cx| &cx.media);
+            let subject = Subject::Sensor(index);
+            cx.named_media.extend(found.map(|id| (subject, id)));
+        }
         if cx.error_count() > 0 {
             return None;
         }
@@ -142,6 +148,7 @@ impl SceneKeys {
             objects: self.object.0.into_iter().map(|o| o.value).collect(),
             lights: self.light.0.into_iter().map(|l| l.value).collect(),
             sensors: sensors.collect(),
+            named_media: std::mem::take(&mut cx.named_media),
             wavelengths: rendering.wavelengths,
             ambient: MediumId::AMBIENT,
             hash: file_hashes.fold(hash_of_text, |hash, &file| combine(hash, file)),

@@ -58,13 +58,13 @@ keys! {
         rgb: Option<[f64; 3]>, in NON_NEGATIVE;
         /// Name of the library.
         name: Option<SpectrumName>;
-        /// CSV of `nm,value`, nm > 0, value >= 0; linear in between. End values are held beyond, over at
-        /// most a tenth of the working range as the eye weights it.
+        /// CSV of `nm,value`, nm > 0, value >= 0; linear in between. End values are held beyond,
+        /// over at most a tenth of the working range as the eye weights it.
         file: Option<At<FileName>>;
         /// Temperature of a blackbody: radiance by Planck's law, W/(m² sr nm).
         blackbody_k: Option<f64>, in TEMPERATURE, unit "kelvin";
-        /// Emission lines [nm, power], no wavelength twice; power >= 0 in the unit of the use without
-        /// the "per nm".
+        /// Emission lines [nm, power], no wavelength twice; power >= 0 in the unit of the use
+        /// without the "per nm".
         lines: Option<At<Vec<[f64; 2]>>>;
         /// An image over the surface; on materials and on `emission` of objects.
         texture: Option<Texture<true>>;
@@ -77,7 +77,7 @@ keys! {
     }
 }
 
-/// What may stand for a spectrum.
+/// Kinds of value that may stand for a spectrum.
 fn spectrum_form() -> Form {
     Form::Any(vec![
         f64::form(),
@@ -137,7 +137,7 @@ impl Spectrum {
         cx.conflict(&self.at, message);
     }
 
-    /// What no reflectance, transmittance or coefficient can be.
+    /// Fault that no reflectance, transmittance or coefficient may have.
     fn check_no_emission(&self, what: &str, cx: &mut Reader<'_>) {
         if matches!(self.source, Source::Lines(_) | Source::Blackbody(_)) {
             self.conflict(
@@ -391,7 +391,7 @@ impl Value for Reflectance {
     }
 }
 
-/// What is left of light in a medium, within 0 and 1.
+/// Share of light that is left in a medium, within 0 and 1.
 #[derive(Clone, Debug)]
 pub struct Transmittance(pub Curve);
 
@@ -428,7 +428,7 @@ impl Value for Coefficient {
     }
 }
 
-/// What a light that is no surface sends out.
+/// Emission of a light that is no surface.
 #[derive(Clone, Debug)]
 pub struct Emitted(pub Emission);
 
@@ -444,7 +444,7 @@ impl Value for Emitted {
     }
 }
 
-/// What a surface sends out.
+/// Emission of a surface.
 #[derive(Clone, Debug)]
 pub struct SurfaceEmission {
     /// The same over the surface.

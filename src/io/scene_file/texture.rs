@@ -22,7 +22,7 @@ named! {
 }
 
 named! {
-    /// What lies beyond the borders.
+    /// Rule for what lies beyond the borders.
     pub enum TextureWrap {
         Repeat = "repeat": "The image again",
         Mirror = "mirror": "The image mirrored",
@@ -57,7 +57,7 @@ keys! {
         filter: TextureFilter, default TextureFilter::Bilinear;
         /// Level of the mipmap, with `filter = "mipmap"`.
         level: Option<f64>, in NON_NEGATIVE, or "0";
-        /// What lies beyond the borders.
+        /// Rule for what lies beyond the borders.
         wrap: TextureWrap, default TextureWrap::Repeat;
         /// Factors on the coordinates, not 0.
         scale: [f64; 2], default [1.0; 2];
@@ -75,7 +75,7 @@ keys! {
 pub struct Texture<const SRGB: bool> {
     /// `None` where it cannot be had, which has been reported.
     pub texture: Option<ImageTexture>,
-    /// Its file, and where it is named.
+    /// File of the image, and where it is named.
     pub file: At<FileName>,
 }
 

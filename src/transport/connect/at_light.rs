@@ -60,7 +60,7 @@ impl Joiner<'_> {
         if radiance.is_black(self.context.count()) {
             return;
         }
-        let medium = vertex.region(vertex.toward_previous).medium;
+        let medium = vertex.medium(vertex.toward_previous);
         let arrival = LightArrival {
             t,
             id: hit.light,
@@ -146,6 +146,8 @@ impl Joiner<'_> {
                 edge,
                 direct,
                 hittable_light: true,
+                emitter: id,
+                raster: self.raster,
             },
             target: Target::OwnPixel,
         };
@@ -161,13 +163,17 @@ impl Joiner<'_> {
     fn draw_light(&self, p: DVec3, draw: Draw) -> Option<DirectLight> {
         let u = self.sampler.set(draw);
         let (id, probability, u0) = self.context.scene.selection.sample(u[0])?;
-        let sample = self.light(id).sample_direct(
+        let mut sample = self.light(id).sample_direct(
             &self.context.scene.geometry,
             &self.context.wavelengths,
             p,
             u0,
             DVec2::new(u[1], u[2]),
         )?;
+        let exposure = self.context.scene.exposure(&sample.x0);
+        if exposure != 1.0 {
+            sample.value *= exposure as f32;
+        }
         Some(DirectLight {
             id,
             probability,
@@ -186,7 +192,8 @@ impl Joiner<'_> {
             emission: Some((drawn.sample.value, drawn.probability)),
             direct: drawn.probability * drawn.sample.pdf,
             hittable: self.is_hittable(Some(drawn.id)),
-            ..End::start(&start, x0, camera.region, receiver)
+            emitter: drawn.id,
+            ..End::start(&start, x0, camera.stack, receiver)
         };
         self.join(&light, camera, (-toward, drawn.sample.distance), true);
     }
@@ -203,7 +210,7 @@ impl Joiner<'_> {
         let w = drawn.sample.toward;
         if !vertex.sides_agree(w)
             || !vertex.sides_agree(vertex.toward_previous)
-            || vertex.region(w).medium != self.light_medium(drawn.id)
+            || vertex.medium(w) != self.light_medium(drawn.id)
         {
             return;
         }
@@ -232,7 +239,7 @@ impl Joiner<'_> {
         };
         let w = drawn.sample.toward;
         let cos = w.dot(x_sensor.n);
-        if cos <= 0.0 || camera.region.medium != self.light_medium(drawn.id) {
+        if cos <= 0.0 || camera.start_stack().medium() != self.light_medium(drawn.id) {
             return;
         }
         self.counters.connections_tried += 1;
@@ -245,7 +252,7 @@ impl Joiner<'_> {
             // the sample's weight is W_e π / pdf: without the π of its direction it is W_e / pdf
             weight: Throughput::splat(weight / std::f64::consts::PI),
             cos,
-            ..End::start(&start, x_sensor, camera.region, receiver)
+            ..End::start(&start, x_sensor, camera.start_stack(), receiver)
         };
         self.join_light(&drawn, &end);
     }

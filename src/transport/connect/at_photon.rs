@@ -2,6 +2,7 @@
 
 use super::Joiner;
 use crate::bsdf::BsdfEval;
+use crate::light::LightId;
 use crate::spectrum::MAX_LANES;
 use crate::transport::class::PathClass;
 use crate::transport::context::Counters;
@@ -34,6 +35,7 @@ fn merged(lanes: [f64; MAX_LANES], j: usize) -> Contribution {
         t: j as u32 + 2,
         regularized: 0,
         merged: true,
+        emitter: LightId(0),
         class: PathClass::new(),
     }
 }
@@ -160,6 +162,8 @@ impl Joiner<'_> {
             edge,
             direct: light.direct,
             hittable_light: self.is_hittable(light.light),
+            emitter: light.light.unwrap_or(LightId(0)),
+            raster: self.raster,
         };
         let multipliers = Multipliers::new(&view, self.strategies);
         let weights = merge_denominator(

@@ -25,7 +25,9 @@ impl Joiner<'_> {
             let [u, v, _, _] = self.sampler.set(draw);
             DVec2::new(u, v)
         };
-        camera.sample_connection(p, u_lens, self.context.moment(), margin)
+        let mut drawn = camera.sample_connection(p, u_lens, self.context.moment(), margin)?;
+        drawn.importance *= self.context.scene.exposure(&drawn.xk);
+        (drawn.importance > 0.0).then_some(drawn)
     }
 
     /// t = 1: joins the end `light` to the drawn point of the sensor.
@@ -39,7 +41,7 @@ impl Joiner<'_> {
             drawn: true,
             weight: Throughput::splat(drawn.importance),
             target: Target::Splat(drawn.raster),
-            ..End::start(&start, x_sensor, light.region, receiver)
+            ..End::start(&start, x_sensor, light.stack, receiver)
         };
         self.join(light, &camera, (toward, drawn.distance), true);
     }
@@ -56,7 +58,7 @@ impl Joiner<'_> {
         let w = drawn.toward;
         if !vertex.sides_agree(w)
             || !vertex.sides_agree(vertex.toward_previous)
-            || vertex.region(w).medium != self.sensor_medium()
+            || vertex.medium(w) != self.sensor_medium()
         {
             return;
         }
@@ -98,10 +100,13 @@ impl Joiner<'_> {
             uv,
             id: surface,
         };
-        let radiance = self
+        let mut radiance = self
             .light(id)
             .radiance(&point, toward, &context.wavelengths);
-        if radiance.is_black(context.count()) || light.region.medium != self.sensor_medium() {
+        radiance *= context.scene.exposure(&x0) as f32;
+        if radiance.is_black(context.count())
+            || light.start_stack().medium() != self.sensor_medium()
+        {
             return;
         }
         self.counters.connections_tried += 1;
@@ -115,7 +120,8 @@ impl Joiner<'_> {
             emission: Some((radiance, pf0)),
             direct: pf0,
             hittable: true,
-            ..End::start(&start, x0, light.region, Receiver::Area { cos })
+            emitter: id,
+            ..End::start(&start, x0, light.start_stack(), Receiver::Area { cos })
         };
         self.join_sensor(&end, &drawn);
     }
@@ -169,6 +175,8 @@ impl Joiner<'_> {
                 edge,
                 direct,
                 hittable_light: self.is_hittable(light.light),
+                emitter: id,
+                raster: hit.raster,
             },
             target: Target::Splat(hit.raster),
         };

@@ -8,8 +8,8 @@
 use super::{Candidate, Joiner, Numerator};
 use crate::bsdf::Label;
 use crate::geometry::{EndPoint, Ray};
-use crate::light::{HitMeasure, Light};
-use crate::medium::Region;
+use crate::light::{HitMeasure, Light, LightId};
+use crate::medium::MediumStack;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Column, Departure, Edge, EdgeDensity, PathView, VertexDensity};
@@ -120,8 +120,8 @@ pub(super) struct End<'p> {
     pub columns: &'p [Column],
     pub labels: &'p [EndLabel],
     pub point: EndPoint,
-    /// Medium of the edge at this end.
-    pub region: Region,
+    /// The solids the edge is in at this end.
+    pub stack: &'p MediumStack,
     pub receiver: Receiver,
     /// Jacobian from solid angle here to the measure of the vertex before; 0 where there is none.
     pub before: f64,
@@ -141,19 +141,26 @@ pub(super) struct End<'p> {
     pub direct: f64,
     /// Light side: camera sub-paths can hit x₀.
     pub hittable: bool,
+    /// Light side: the light of x₀.
+    pub emitter: LightId,
     /// Sensor side: the pixel.
     pub target: Target,
 }
 
 impl<'p> End<'p> {
     /// An end point of weight 1.
-    pub fn start(start: &'p EndStart, point: EndPoint, region: Region, receiver: Receiver) -> Self {
+    pub fn start(
+        start: &'p EndStart,
+        point: EndPoint,
+        stack: &'p MediumStack,
+        receiver: Receiver,
+    ) -> Self {
         Self {
             path: std::slice::from_ref(&start.density),
             columns: &[],
             labels: std::slice::from_ref(&start.label),
             point,
-            region,
+            stack,
             receiver,
             before: 0.0,
             weight: Throughput::splat(1.0),
@@ -163,6 +170,7 @@ impl<'p> End<'p> {
             emission: None,
             direct: 0.0,
             hittable: false,
+            emitter: LightId(0),
             target: Target::OwnPixel,
         }
     }
@@ -205,7 +213,7 @@ impl Joiner<'_> {
             columns: &path.columns,
             labels,
             point: vertex.end_point(),
-            region: *vertex.region(w),
+            stack: path.stack(i, w),
             receiver: Receiver::Area { cos: geometric_cos },
             before: self.before_factor(path, i),
             weight: vertex.throughput,
@@ -215,6 +223,7 @@ impl Joiner<'_> {
             emission: None,
             direct: path.direct,
             hittable: self.is_hittable(path.light),
+            emitter: path.light.unwrap_or(LightId(0)),
             target: Target::OwnPixel,
         }
     }
@@ -282,7 +291,7 @@ impl Joiner<'_> {
         };
         let ray =
             Ray::leaving(from.point.p, w, from.point.surface).ending(distance, to.point.surface);
-        let medium = from.region.medium;
+        let medium = from.stack.medium();
         let (value, probability) = match light.emission {
             Some(emission) => emission,
             None => (self.context.eta_squared(medium), 1.0),
@@ -322,6 +331,11 @@ impl Joiner<'_> {
                 },
                 direct: light.direct,
                 hittable_light: light.hittable,
+                emitter: light.emitter,
+                raster: match camera.target {
+                    Target::OwnPixel => self.raster,
+                    Target::Splat(raster) => raster,
+                },
             };
             let numerator = Numerator {
                 scale,
@@ -336,7 +350,7 @@ impl Joiner<'_> {
             self.finish(
                 &numerator,
                 &Candidate { view, target },
-                Some((&ray, &from.region)),
+                Some((&ray, from.stack)),
             );
         }
     }

@@ -5,7 +5,8 @@ use crate::harness::{assert_close, line_images, line_mean, measure, scene, test_
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
 use std::f64::consts::PI;
 
-/// Every path has weight 1 at a single wavelength, so every pixel is 1 but for the rounding of the lanes.
+/// Every path has weight 1 at a single wavelength, so every pixel is 1 but for the rounding of the
+/// lanes.
 #[test]
 fn clear_sphere_in_uniform_light_is_invisible() {
     for index in [
@@ -57,8 +58,8 @@ interior = "glass"
 environment = { radiance = 1 }
 "#;
 
-/// Radiance η² and irradiance πη² inside glass. The sensors stand where no direction is totally reflected, and the detector lets
-/// pass what comes back, so that nothing is lost.
+/// Radiance η² and irradiance πη² inside glass. The sensors stand where no direction is totally
+/// reflected, and the detector lets pass what comes back, so that nothing is lost.
 #[test]
 fn light_is_denser_inside_glass() {
     let (scene, settings) = scene(INSIDE);
@@ -130,8 +131,8 @@ emission = 0.8
 two_sided = true
 "#;
 
-/// A rough ball that absorbs nothing is invisible too, to 1 %, whatever finds the light; when light of
-/// several facets is lost it is not.
+/// A rough ball that absorbs nothing is invisible too, to 1 %, whatever finds the light; when light
+/// of several facets is lost it is not.
 #[test]
 fn rough_ball_in_uniform_light_is_invisible() {
     let cases = [
