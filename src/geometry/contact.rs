@@ -67,13 +67,31 @@ impl Region {
     }
 }
 
+/// Most regions kept apart; beyond, they become one.
+const MOST_REGIONS: usize = 8;
+
+/// Adds a region to those where something touches; regions that overlap become one.
+pub fn add_region(regions: &mut Vec<Region>, mut region: Region) {
+    while let Some(i) = regions
+        .iter()
+        .position(|r| r.common(&region, 0.0).is_some())
+    {
+        region = region.union(&regions.swap_remove(i));
+    }
+    regions.push(region);
+    if regions.len() > MOST_REGIONS {
+        let all = regions.drain(..).reduce(|a, b| a.union(&b));
+        regions.extend(all);
+    }
+}
+
 /// Two instances that touch, or may touch.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Contact {
     /// The instances, the earlier one first.
     pub pair: [InstanceId; 2],
     /// Where.
-    pub region: Region,
+    pub regions: Vec<Region>,
     /// Whether they are known to touch; else it was not looked at closely.
     pub certain: bool,
 }
@@ -119,26 +137,26 @@ fn contact(accel: &Accel, pair: [InstanceId; 2], budget: &mut usize) -> Option<C
     let [a, b] = pair.map(|id| accel.instance(id));
     let [box_a, box_b] = [a, b].map(|i| Region::new(i.bounds()));
     let common = box_a.common(&box_b, margin(&box_a).max(margin(&box_b)))?;
-    let found = |region, certain| {
+    let found = |regions, certain| {
         Some(Contact {
             pair,
-            region,
+            regions,
             certain,
         })
     };
     if a.is_moving() || b.is_moving() {
-        return found(common, false);
+        return found(vec![common], false);
     }
     if is_curved(&a.shape) || is_curved(&b.shape) {
         return (is_same_surface(a, b))
             .then_some(())
-            .and_then(|()| found(common, true));
+            .and_then(|()| found(vec![common], true));
     }
     let (Some(mut few), Some(mut many)) = (
         Polygon::all(a, &common, budget),
         Polygon::all(b, &common, budget),
     ) else {
-        return found(common, false);
+        return found(vec![common], false);
     };
     if few.len() > many.len() {
         std::mem::swap(&mut few, &mut many);
@@ -146,7 +164,7 @@ fn contact(accel: &Accel, pair: [InstanceId; 2], budget: &mut usize) -> Option<C
     many.sort_by(|a, b| a.region.low.x.total_cmp(&b.region.low.x));
     let widest = many.iter().map(|p| p.region.high.x - p.region.low.x);
     let widest = widest.fold(0.0, f64::max);
-    let mut all: Option<Region> = None;
+    let mut regions = Vec::new();
     for face in &few {
         let near = face.region.low.x - widest - face.distance * 2.0;
         let first = many.partition_point(|p| p.region.low.x < near);
@@ -155,15 +173,15 @@ fn contact(accel: &Accel, pair: [InstanceId; 2], budget: &mut usize) -> Option<C
                 break;
             }
             if *budget == 0 {
-                return found(common, false);
+                return found(vec![common], false);
             }
             *budget -= 1;
             if let Some(region) = face.touch(other) {
-                all = Some(all.map_or(region, |all| all.union(&region)));
+                add_region(&mut regions, region);
             }
         }
     }
-    found(all?, true)
+    (!regions.is_empty()).then(|| found(regions, true))?
 }
 
 fn is_curved(shape: &Shape) -> bool {
@@ -332,12 +350,8 @@ mod tests {
             assert_eq!(touching.len(), 1, "{scale} {off}");
             assert!(touching[0].certain);
             let p = frame.transform_point3(dvec3(0.3, 0.1, 0.0));
-            assert!(touching[0].region.contains(p));
-            assert!(
-                !touching[0]
-                    .region
-                    .contains(frame.transform_point3(dvec3(4.0, 0.0, 0.0)))
-            );
+            assert!(touching[0].regions[0].contains(p));
+            assert!(!touching[0].regions[0].contains(frame.transform_point3(dvec3(4.0, 0.0, 0.0))));
             let gap = 1e-9f64.max(1e-9 * off / scale);
             assert!(pair(1.0 + gap).is_empty(), "{scale} {off}");
             assert!(pair(1.0 - gap).is_empty(), "{scale} {off}");
@@ -385,5 +399,17 @@ mod tests {
         assert!(found(&[low.clone(), high.clone()]).is_empty());
         assert_eq!(found(&[low, across.clone()]).len(), 1);
         assert_eq!(found(&[high, across]).len(), 1);
+    }
+
+    #[test]
+    fn what_touches_in_two_places_leaves_the_way_between_them() {
+        let corners = |x: f32| [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]];
+        let p = [corners(-4.0), corners(3.0)].concat();
+        let mesh = Mesh::new(&p, None, None, vec![[0, 1, 2], [3, 4, 5]]).expect("valid");
+        let floor = (Shape::Quad, at(0.0, 0.0, 0.0, 5.0));
+        let touching = found(&[floor, (Shape::Mesh(Arc::new(mesh)), DAffine3::IDENTITY)]);
+        let held = |p: DVec3| touching[0].regions.iter().any(|r| r.contains(p));
+        assert!(held(dvec3(-3.8, 0.1, 0.0)) && held(dvec3(3.2, 0.1, 0.0)));
+        assert!(!held(dvec3(0.0, 0.1, 0.0)));
     }
 }

@@ -6,9 +6,9 @@
 //!
 //! Bounds over time: a path x(t) whose second derivative does not exceed B strays from the chord
 //! between its ends by at most B h²/8 in a step of length h. For the product of the chain B follows
-//! link by link from bounds of M and of its first two derivatives by the product rule, for all points
-//! within a radius at once, so that no case (turns beyond half a turn, scaling while turning, a
-//! center far away) is special.
+//! link by link from bounds of M and of its first two derivatives by the product rule, for all
+//! points within a radius at once, so that no case (turns beyond half a turn, scaling while
+//! turning, a center far away) is special.
 
 use super::moment::Moment;
 use super::pose::{Pose, product_rule};

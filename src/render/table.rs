@@ -72,7 +72,7 @@ impl ClassTable {
     }
 
     /// The classes that hold light but were hit fewer than `least_hits` times, the brightest first.
-    /// What is known of them may be far from the truth, without any sign of it in the noise of the
+    /// Such estimates may be far from the truth, without any sign of it in the noise of the
     /// image.
     #[must_use]
     pub fn rarely_hit(&self, least_hits: u64) -> Vec<ClassShare> {

@@ -3,8 +3,8 @@
 //! XYZ is the sum over 360..830 nm against the 1931 2 degree observer at every whole nanometer (CIE
 //! 15), divided by N_Y: a constant spectrum of 1 has Y = 1. Where the tables of a spectrum have
 //! points between two whole nanometers, the integral stands for the sum there. Linear sRGB goes
-//! through palette's published matrices (rounded at 1e-7) and serves previews and RGB input only, as
-//! do Display P3 and Oklab.
+//! through palette's published matrices (rounded at 1e-7) and serves previews and RGB input only,
+//! as do Display P3 and Oklab.
 
 use palette::convert::FromColorUnclamped;
 use palette::rgb::Rgb;

@@ -2,7 +2,7 @@
 //! stops.
 
 use super::{BuildError, Builder, Subject};
-use crate::geometry::contact::{Region, contacts, overlaps};
+use crate::geometry::contact::{add_region, contacts, overlaps};
 use crate::geometry::{Accel, Contact, Mesh, Shape};
 use crate::medium::{Boundary, MediumId};
 use crate::scene::description::ObjectDescription;
@@ -56,7 +56,9 @@ impl Builder {
                 });
             }
             for id in contact.pair {
-                add_region(&mut self.objects[id.0 as usize].contacts, contact.region);
+                for region in &contact.regions {
+                    add_region(&mut self.objects[id.0 as usize].contacts, *region);
+                }
             }
         }
         let mut among_solids = vec![false; self.objects.len()];
@@ -72,17 +74,6 @@ impl Builder {
             object.passage = passage(object, among_solids, self.ambient);
         }
         Ok(contacts)
-    }
-}
-
-/// Most regions of contact of one object; beyond, they become one.
-const MOST_REGIONS: usize = 8;
-
-fn add_region(regions: &mut Vec<Region>, region: Region) {
-    regions.push(region);
-    if regions.len() > MOST_REGIONS {
-        let all = regions.drain(..).reduce(|a, b| a.union(&b));
-        regions.extend(all);
     }
 }
 
