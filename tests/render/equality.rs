@@ -288,7 +288,7 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [400, 150, 160],
+        passes: [800, 150, 320],
         classes: &["LDE", "LDDE", "LDSSE"],
         specular_in_view: true,
         resolution: 2.5e-3,
@@ -412,7 +412,7 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [300, 0, 80],
+        passes: [960, 0, 256],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2.5e-3,
