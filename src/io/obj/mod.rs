@@ -1,6 +1,6 @@
 //! Wavefront OBJ files.
 //!
-//! For [`load`] all objects and groups of a file are one mesh; `io::mtl` makes a mesh for each
+//! For [`read`] all objects and groups of a file are one mesh; `io::mtl` makes a mesh for each
 //! material. Polygons become triangle fans; points and lines are ignored. Missing normals stay
 //! missing (flat shading). Whatever the bytes, the result is valid meshes or an error that names
 //! the file and the line.
