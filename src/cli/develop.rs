@@ -4,7 +4,8 @@ use super::args::DevelopOptions;
 use super::image_output::{development, preview_path, preview_text};
 use super::{CliError, Outcome, print};
 use crate::develop::{Development, Exposure};
-use crate::io::atomic::{check_writable, write_atomic};
+use crate::io::atomic::write_atomic;
+use crate::io::destination::Claims;
 use crate::io::exr::{self, ExrImage};
 use crate::io::png::{Depth, picture_bytes};
 use crate::io::{image, part};
@@ -18,14 +19,9 @@ pub fn run(options: &DevelopOptions) -> Result<Outcome, CliError> {
         let message = "--output names one picture, and there are several images";
         return Err(CliError::Usage(message.to_owned()));
     }
-    let mut targets = BTreeSet::new();
+    let mut claims = Claims::of_inputs(&options.images);
     for source in &options.images {
-        let target = target(options, source);
-        check_writable(&target)?;
-        if !targets.insert(target.clone()) {
-            let message = format!("{} would be written twice", target.display());
-            return Err(CliError::Usage(message));
-        }
+        claims.output(&target(options, source))?;
     }
     for source in &options.images {
         develop(options, source)?;

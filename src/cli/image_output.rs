@@ -18,7 +18,7 @@ pub fn preview_text(path: &Path, stops: f64, clipped: f64) -> String {
     let mut text = format!("{}, exposure {stops:+.2} EV", path.display());
     if clipped > CLIPPED {
         text += &format!(
-            ", {:.0} % of the pixels are clipped: abbe develop shows them",
+            ", {:.0} % of the pixels are clipped (a lower --exposure shows them)",
             100.0 * clipped
         );
     }
@@ -28,15 +28,9 @@ pub fn preview_text(path: &Path, stops: f64, clipped: f64) -> String {
 /// The development of an image by the kind of its sensor, if nothing else is asked for.
 #[must_use]
 pub fn development(image: &ExrImage) -> Development {
-    let detector = MetadataValue::Text(DETECTOR.to_owned());
-    let entries = &image.metadata.entries;
-    if entries
-        .iter()
-        .any(|(n, v)| n == SENSOR_KIND && *v == detector)
-    {
-        Development::MEASUREMENT
-    } else {
-        Development::PHOTOGRAPH
+    match image.metadata.get(SENSOR_KIND) {
+        Some(MetadataValue::Text(kind)) if kind == DETECTOR => Development::MEASUREMENT,
+        _ => Development::PHOTOGRAPH,
     }
 }
 

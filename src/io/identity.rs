@@ -2,7 +2,6 @@
 //! tells whether parts belong together.
 
 use super::part::{PartHeader, PassRange};
-use crate::camera::CameraKind;
 use crate::film::Filter;
 use crate::math::hash::hash_bytes;
 use crate::render::{EpsilonChoice, RadiusChoice, Render};
@@ -56,7 +55,7 @@ fn unit_name(response: SensorResponse, is_detector: bool) -> &'static str {
 /// Whether a sensor measures irradiance.
 #[must_use]
 pub fn is_detector(scene: &Scene, sensor: usize) -> bool {
-    matches!(scene.sensors[sensor].camera.kind, CameraKind::Detector(_))
+    scene.sensors[sensor].camera.as_detector().is_some()
 }
 
 /// Header of the parts, and of the images, of a render.

@@ -250,6 +250,10 @@ pub fn write(path: &Path, part: &Part) -> Result<(), PartError> {
 pub fn is_part(path: &Path) -> Result<bool, PartError> {
     let begin = || {
         let mut first = Vec::new();
+        // a pipe is not even opened: that would wait for a writer
+        if !path.metadata()?.is_file() {
+            return Ok(false);
+        }
         let file = std::fs::File::open(path)?;
         file.take(MAGIC.len() as u64).read_to_end(&mut first)?;
         Ok(first == MAGIC)

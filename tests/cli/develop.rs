@@ -51,6 +51,20 @@ fn layers_are_developed_by_name() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
+fn what_is_no_file_is_refused_without_waiting_for_it() {
+    let dir = folder();
+    let made = std::process::Command::new("mkfifo")
+        .arg(dir.path().join("pipe"))
+        .status();
+    assert!(made.expect("runs").success());
+    for name in ["pipe", "/dev/zero"] {
+        let message = fail(dir.path(), &format!("develop {name} -o a.png"), 1);
+        assert!(message.contains("not a file"), "{name}: {message}");
+    }
+}
+
+#[test]
 fn wrong_requests_say_what_is_allowed() {
     let dir = folder();
     succeed(dir.path(), "render scene.toml --spp 1 -q -o a.exr");
@@ -66,6 +80,12 @@ fn wrong_requests_say_what_is_allowed() {
             "develop a.exr other/a.exr",
             2,
             "a.png would be written twice",
+        ),
+        ("develop a.exr -o a.exr", 2, "is read by this command"),
+        (
+            "develop a.exr other/a.exr -o a.exr",
+            2,
+            "there are several images",
         ),
         ("develop a.exr --white 20K", 2, "1000K to 100000K"),
         ("develop a.exr --white D5O", 2, "did you mean"),
