@@ -83,8 +83,7 @@ impl Render {
         let merges = frame.strategies.merge.is_some();
         let radius = merges.then(|| merging::choose_radius(&frame, outputs.response));
         let passes = PilotPasses::of(settings.spp);
-        let factors = variance::has_factors(&frame)
-            .then(|| variance::choose(&frame, crop, cone, outputs.response, passes));
+        let factors = variance::choose(&frame, crop, cone, outputs.response, passes);
         let roulette_threshold = pilot::roulette_threshold(&frame, cone, outputs.response);
         Self {
             scene: Arc::clone(scene),
@@ -147,10 +146,7 @@ impl Render {
     pub fn repeat_pilot(&mut self, passes: PilotPasses) {
         let frame = self.frame();
         let cone = self.epsilon.as_ref().map(|e| Cone::new(e.epsilon));
-        let response = self.outputs.response;
-        let found = variance::has_factors(&frame)
-            .then(|| variance::choose(&frame, self.crop, cone, response, passes));
-        self.factors = found;
+        self.factors = variance::choose(&frame, self.crop, cone, self.outputs.response, passes);
     }
 
     /// Weights by other variance factors than those found: for tests and studies, before the first

@@ -105,8 +105,7 @@ impl fmt::Display for VarianceFactors {
 
 /// Whether the weights of a render have variance factors: not where its strategies are all of one
 /// kind, and not where photons are merged. [theory (2.7)]
-#[must_use]
-pub fn has_factors(frame: &SensorJob) -> bool {
+fn has_factors(frame: &SensorJob) -> bool {
     let strategies = &frame.strategies;
     frame.settings.heuristic == Heuristic::VarianceAware
         && strategies.merge.is_none()
@@ -114,7 +113,8 @@ pub fn has_factors(frame: &SensorJob) -> bool {
         && strategies.direct
 }
 
-/// The factors of a render, by a pilot of this length or by rule.
+/// The factors of a render, by a pilot of this length or by rule; `None` where its weights have
+/// none.
 #[must_use]
 pub fn choose(
     frame: &SensorJob,
@@ -122,9 +122,12 @@ pub fn choose(
     cone: Option<Cone>,
     response: SensorResponse,
     passes: PilotPasses,
-) -> VarianceFactors {
+) -> Option<VarianceFactors> {
+    if !has_factors(frame) {
+        return None;
+    }
     if passes.0 == 0 {
-        return by_rule(frame, crop);
+        return Some(by_rule(frame, crop));
     }
     let cells = cells(crop);
     let settings: Vec<Settings> = (0..GROUPS as u64)
@@ -148,7 +151,7 @@ pub fn choose(
         response,
         passes: passes.0,
     };
-    pilot.run()
+    Some(pilot.run())
 }
 
 /// Factors by rule: what an image camera sees directly and lights reach directly (LDE) is made by

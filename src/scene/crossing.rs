@@ -12,7 +12,7 @@
 use super::{Object, Passage, SceneAt};
 use crate::geometry::{AccelAt, EndPoint, Face, Faces, InstanceId, Ray, SurfacePoint};
 use crate::medium::{Boundary, MediumStack, Rank};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Encounter of a ray that crosses all faces in a place.
 #[derive(Clone, Debug)]
@@ -54,7 +54,7 @@ pub fn faces_at(geometry: &AccelAt, objects: &[Object], point: &SurfacePoint) ->
 
 /// Whether a surface scatters, absorbs, emits or senses by itself, and not as the boundary of a
 /// medium.
-fn stands_alone(object: &Object) -> bool {
+pub(super) fn stands_alone(object: &Object) -> bool {
     !object.is_interface || object.light.is_some()
 }
 
@@ -178,7 +178,7 @@ impl SceneAt<'_> {
             p: end.p,
             ng: end.n,
             ns: end.n,
-            uv: glam::DVec2::ZERO,
+            uv: DVec2::ZERO,
             id,
         };
         let faces = self.faces_at(&point);

@@ -5,6 +5,7 @@ use super::{BuildError, Builder, Subject};
 use crate::geometry::contact::{add_region, contacts, overlaps};
 use crate::geometry::{Accel, Contact, Mesh, Shape};
 use crate::medium::{Boundary, MediumId};
+use crate::scene::crossing::stands_alone;
 use crate::scene::description::ObjectDescription;
 use crate::scene::{Object, Passage};
 use std::collections::HashMap;
@@ -88,7 +89,7 @@ fn passage(object: &Object, among_solids: bool, ambient: MediumId) -> Passage {
         Boundary::Solid { medium, .. } => medium != ambient,
         Boundary::Interface { above, below } => above != below,
     };
-    if !object.is_interface || object.light.is_some() {
+    if stands_alone(object) {
         Passage::Blocked
     } else if among_solids {
         Passage::Depends
