@@ -165,6 +165,20 @@ impl SceneAt<'_> {
         faces_at(&self.geometry, &self.objects, point)
     }
 
+    /// The certainty that a surface is all there is at a point, and is there: nothing touches it,
+    /// it covers all of itself, and does not let light pass to measure it.
+    #[must_use]
+    #[inline]
+    pub fn is_simple(&self, point: &SurfacePoint) -> bool {
+        let object = self.object(point.id.instance);
+        !object.has_alpha
+            && !object.transparent_sensor
+            && !object
+                .contacts
+                .iter()
+                .any(|region| region.contains(point.p))
+    }
+
     /// The share of the light at an end of paths on a surface that is not taken by what else is in
     /// the same place and comes later in the scene: 1 where nothing touches it.
     #[must_use]

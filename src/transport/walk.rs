@@ -9,7 +9,7 @@ use super::density::{Departure, EdgeDensity, VertexDensity};
 use super::subpath::{Escape, LightHit, SensorHit, Subpath, Vertex};
 use super::throughput::Throughput;
 use crate::bsdf::{BsdfSample, Side};
-use crate::geometry::{DirectionalDensity, EndPoint, Face, Ray, SurfacePoint};
+use crate::geometry::{DirectionalDensity, EndPoint, Face, Faces, Ray, SurfacePoint};
 use crate::math::frame::Frame;
 use crate::medium::{Boundary, MediumStack};
 use crate::sampler::{Draw, Sampler};
@@ -91,42 +91,53 @@ pub fn walk(
         };
         let point = scene.geometry.surface(&ray, &hit);
         let distance = passed + hit.t;
-        let mut faces = scene.faces_at(&point);
-        // what is not there, or senses and lets pass, is no part of the crossing
-        faces.retain(|face| {
-            let object = scene.object(face.point.id.instance);
-            if object.transparent_sensor {
-                if object.sensor == Some(context.sensor) && generate == Side::Camera {
-                    record_sensor_hit(
-                        context,
-                        path,
-                        &face.point,
-                        ray.d,
-                        distance,
-                        &stack,
-                        &travel,
-                        throughput,
-                    );
+        // most surfaces have their place for themselves
+        let face = Face {
+            point,
+            folded: false,
+        };
+        let mut gathered = Faces::new();
+        let faces = if scene.is_simple(&point) {
+            std::slice::from_ref(&face)
+        } else {
+            gathered.extend(scene.faces_at(&point));
+            // what is not there, or senses and lets pass, is no part of the crossing
+            gathered.retain(|face| {
+                let object = scene.object(face.point.id.instance);
+                if object.transparent_sensor {
+                    if object.sensor == Some(context.sensor) && generate == Side::Camera {
+                        record_sensor_hit(
+                            context,
+                            path,
+                            &face.point,
+                            ray.d,
+                            distance,
+                            &stack,
+                            &travel,
+                            throughput,
+                        );
+                    }
+                    return false;
                 }
-                return false;
+                if !object.has_alpha {
+                    return true;
+                }
+                let vertices = path.vertices.len();
+                let draw = match generate {
+                    Side::Light => Draw::CameraCoverage(vertices, crossings),
+                    Side::Camera => Draw::LightCoverage(vertices, crossings),
+                };
+                crossings += 1;
+                !passes_through_opening(&scene, &face.point, || sampler.number(draw))
+            });
+            if gathered.is_empty() {
+                ray = Ray::leaving(point.p, ray.d, Some(point.id));
+                passed = distance;
+                continue;
             }
-            if !object.has_alpha {
-                return true;
-            }
-            let vertices = path.vertices.len();
-            let draw = match generate {
-                Side::Light => Draw::CameraCoverage(vertices, crossings),
-                Side::Camera => Draw::LightCoverage(vertices, crossings),
-            };
-            crossings += 1;
-            !passes_through_opening(&scene, &face.point, || sampler.number(draw))
-        });
-        if faces.is_empty() {
-            ray = Ray::leaving(point.p, ray.d, Some(point.id));
-            passed = distance;
-            continue;
-        }
-        let Ok(crossing) = resolve(&scene.objects, &faces, &stack, ray.d) else {
+            gathered.as_slice()
+        };
+        let Ok(crossing) = resolve(&scene.objects, faces, &stack, ray.d) else {
             counters.nesting_overflows += 1;
             return;
         };
@@ -160,7 +171,7 @@ pub fn walk(
         let geometric_cos = ray.d.dot(point.ng).abs();
         let own = travel.area_density(geometric_cos, distance * distance);
         // the stack behind is seldom another one, and long
-        let there = if changes_stack(&scene, &faces) {
+        let there = if changes_stack(&scene, faces) {
             path.store_stack(&behind)
         } else {
             here
