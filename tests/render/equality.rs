@@ -338,7 +338,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [300, 150, 120],
+        passes: [100, 60, 40],
         classes: &["LDE", "LDDE", "LDSE", "LSDE"],
         specular_in_view: true,
         resolution: 2e-3,

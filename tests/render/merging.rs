@@ -377,8 +377,8 @@ fn the_error_falls_with_passes() {
     let span = f64::ln(96.0 / 6.0);
     let slope = |few: f64, many: f64| (many / few).ln() / span;
     let expected = [slope(variance(6), variance(96)), slope(bias(6), bias(96))];
-    let few = square_errors(&scene, &settings, (6, 96), &reference);
-    let many = square_errors(&scene, &settings, (96, 16), &reference);
+    let few = square_errors(&scene, &settings, (6, 32), &reference);
+    let many = square_errors(&scene, &settings, (96, 8), &reference);
     let found = slope(few.mean, many.mean);
     let relative = |m: &Moments| m.standard_error() / m.mean;
     let error = relative(&few).hypot(relative(&many)) / span;
