@@ -4,13 +4,13 @@ use super::*;
 use crate::math::chi_square::{integrate_cells, sphere_p_value, uniforms};
 use crate::math::stats::{Moments, sidak};
 use albedo::{AlbedoTables, Needs};
-use conductor::{Conductor, Metal, Mirror};
-use dielectric::Dielectric;
-use diffuse::Diffuse;
+use lobe::conductor::{Conductor, Metal, Mirror};
+use lobe::dielectric::Dielectric;
+use lobe::diffuse::Diffuse;
+use lobe::rough_dielectric::RoughDielectric;
+use lobe::thin::Thin;
 use microfacet::Ggx;
-use rough_dielectric::RoughDielectric;
 use std::sync::LazyLock;
-use thin::Thin;
 
 pub(super) const ONE: SampledSpectrum = SampledSpectrum::ONE;
 

@@ -205,8 +205,8 @@ mod tests {
     use super::*;
     use crate::bsdf::Interface;
     use crate::bsdf::albedo::NO_ALBEDOS;
-    use crate::bsdf::conductor::Mirror;
-    use crate::bsdf::dielectric::Dielectric;
+    use crate::bsdf::lobe::conductor::Mirror;
+    use crate::bsdf::lobe::dielectric::Dielectric;
     use crate::math::frame::Frame;
     use crate::math::sampling::uniform_cone;
     use proptest::prelude::*;

@@ -1,11 +1,11 @@
 //! White furnaces: rough lobes that absorb nothing lose nothing.
 
 use crate::bsdf::albedo::{AlbedoTables, Needs};
-use crate::bsdf::coated::{Coat, CoatedDiffuse};
-use crate::bsdf::conductor::{Conductor, Metal};
+use crate::bsdf::lobe::coated::{Coat, CoatedDiffuse};
+use crate::bsdf::lobe::conductor::{Conductor, Metal};
+use crate::bsdf::lobe::rough_dielectric::RoughDielectric;
 use crate::bsdf::microfacet::Ggx;
 use crate::bsdf::multiscatter::share_left;
-use crate::bsdf::rough_dielectric::RoughDielectric;
 use crate::bsdf::tests::{ONE, bsdf, direction, interface};
 use crate::bsdf::{Bsdf, Interface, Lobe, Side};
 use crate::math::stats::Moments;

@@ -8,7 +8,7 @@
 use super::buffers::read_uri;
 use super::glass::has_volume;
 use super::{Fault, Reader, hashed};
-use crate::bsdf::coated::Coat;
+use crate::bsdf::lobe::coated::Coat;
 use crate::io::image_file::{self, Encoding, MAX_IMAGE_BYTES};
 use crate::material::{Coverage, LobeSpec, Material, NormalMap};
 use crate::medium::Medium;

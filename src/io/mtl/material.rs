@@ -2,7 +2,7 @@
 
 use super::statements::RawMaterial;
 use super::{Reader, Source};
-use crate::bsdf::coated::Coat;
+use crate::bsdf::lobe::coated::Coat;
 use crate::material::{Coverage, LobeSpec, Material, NormalMap};
 use crate::scene::description::AreaEmission;
 use crate::spectrum::{Curve, Emission, Ior, upsample};

@@ -11,14 +11,11 @@ use super::reader::{Reader, definitions};
 use super::spectrum::Reflectance;
 use super::texture::{Scalar, Scalars, Texture};
 use super::value::{At, GlassName, MetalName};
-use crate::bsdf::coated::Coat;
-use crate::material::{Coverage, LobeSpec, Material, MaterialId, NormalMap};
+use crate::bsdf::lobe::coated::Coat;
+use crate::material::{Coverage, LobeSpec, MAX_LOBES, Material, MaterialId, NormalMap};
 use crate::spectrum::{Curve, Ior};
 use crate::texture::ScalarTexture;
 use std::ops::Range as Span;
-
-/// Most lobes of a material.
-const MAX_LOBES: usize = 4;
 
 /// Facts of a material that its uses need.
 #[derive(Clone, Debug)]

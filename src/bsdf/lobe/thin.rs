@@ -3,7 +3,7 @@
 //! The incoherent sum of all inner reflections is R' = 2R/(1+R), T' = (1-R)/(1+R) for R of one
 //! face.
 
-use super::{Interface, fresnel};
+use crate::bsdf::{Interface, fresnel};
 use crate::spectrum::SampledSpectrum;
 
 /// Thin sheet of a dielectric.

@@ -1,6 +1,6 @@
 //! Lambertian reflection, alike on both sides.
 
-use super::{BsdfEval, Interface, cosine_on_side};
+use crate::bsdf::{BsdfEval, Interface, cosine_on_side};
 use crate::math::sampling::{cosine_hemisphere, cosine_hemisphere_pdf};
 use crate::spectrum::SampledSpectrum;
 use glam::DVec3;

@@ -8,9 +8,9 @@
 //! what its facets reflect at once: what they send to other facets, of which few reflect, goes to
 //! the base.
 
-use super::albedo::profile::Blend;
-use super::microfacet::Ggx;
-use super::{BsdfEval, Interface, cosine_on_side, fresnel};
+use crate::bsdf::albedo::profile::Blend;
+use crate::bsdf::microfacet::Ggx;
+use crate::bsdf::{BsdfEval, Interface, cosine_on_side, fresnel};
 use crate::math::sampling::cosine_hemisphere_pdf;
 use crate::spectrum::SampledSpectrum;
 use glam::DVec3;

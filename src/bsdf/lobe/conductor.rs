@@ -1,8 +1,8 @@
 //! Metals and mirrors: reflection only, alike on both sides.
 
-use super::microfacet::Ggx;
-use super::multiscatter::{Reflection, share_left};
-use super::{BsdfEval, Interface, cosine_on_side, fresnel};
+use crate::bsdf::microfacet::Ggx;
+use crate::bsdf::multiscatter::{Reflection, share_left};
+use crate::bsdf::{BsdfEval, Interface, cosine_on_side, fresnel};
 use crate::spectrum::SampledSpectrum;
 use glam::DVec3;
 

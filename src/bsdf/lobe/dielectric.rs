@@ -3,7 +3,7 @@
 //! Reflection or transmission is chosen by the Fresnel reflectance averaged over the lanes: the
 //! choice does not depend on which of them is the hero, only the refracted direction does.
 
-use super::{Interface, fresnel};
+use crate::bsdf::{Interface, fresnel};
 use crate::spectrum::SampledSpectrum;
 
 /// Smooth dielectric interface.

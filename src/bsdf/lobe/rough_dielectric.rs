@@ -5,9 +5,9 @@
 //! (|a.z| |b.z| (η_a a·m + η_b b·m)²). With dispersion each lane has its own half vector for one
 //! pair of directions, hence its own value and its own density.
 
-use super::microfacet::Ggx;
-use super::multiscatter::Exchange;
-use super::{BsdfEval, Interface, LaneDensity, cosine_on_side, fresnel};
+use crate::bsdf::microfacet::Ggx;
+use crate::bsdf::multiscatter::Exchange;
+use crate::bsdf::{BsdfEval, Interface, LaneDensity, cosine_on_side, fresnel};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use glam::DVec3;
 
