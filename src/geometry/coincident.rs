@@ -14,6 +14,8 @@ use glam::{DVec2, DVec3};
 
 /// Most instances told apart in one place.
 pub const MOST_FACES: usize = 8;
+/// Room for one more: that there are too many is seen by it.
+const ROOM: usize = MOST_FACES + 1;
 
 /// A face of one instance in the place asked for.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +28,7 @@ pub struct Face {
 }
 
 /// Faces in one place, at most one of each instance, in the order of the instances.
-pub type Faces = ArrayVec<Face, MOST_FACES>;
+pub type Faces = ArrayVec<Face, ROOM>;
 
 /// Distance in metres, along the unit normal `n`, within which a face of an instance is in the same
 /// place as a point whose coordinates do not exceed `magnitude`; `extent` bounds the coordinates of
@@ -44,7 +46,7 @@ pub(super) fn coincidence_distance(
 }
 
 impl AccelAt<'_> {
-    /// The faces in the same place as `point`, its own among them. Of more than [`MOST_FACES`]
+    /// The faces in the same place as `point`, its own among them. Of more than [`MOST_FACES`] + 1
     /// instances the first are left out.
     #[must_use]
     pub fn coincident(&self, point: &SurfacePoint) -> Faces {

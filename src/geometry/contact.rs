@@ -10,9 +10,9 @@
 //!
 //! [`AccelAt::coincident`]: super::AccelAt::coincident
 
-use super::coincident::coincidence_distance;
+use super::coincident::{MOST_FACES, coincidence_distance};
 use super::motion::Placement;
-use super::{Accel, Instance, InstanceId, Shape, analytic};
+use super::{Accel, Instance, InstanceId, Ray, Shape, analytic};
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
@@ -104,6 +104,41 @@ pub fn contacts(accel: &Accel) -> Vec<Contact> {
         .into_iter()
         .filter_map(|pair| contact(accel, pair, &mut budget))
         .collect()
+}
+
+/// Two of the surfaces in a place where more touch than are told apart ([`MOST_FACES`]). It is
+/// looked for in the middle and at the lowest corner of each contact that is known.
+#[must_use]
+pub fn crowd(accel: &Accel, contacts: &[Contact]) -> Option<[InstanceId; 2]> {
+    let mut partners = vec![0; accel.instances().len()];
+    let certain = || contacts.iter().filter(|contact| contact.certain);
+    for id in certain().flat_map(|contact| contact.pair) {
+        partners[id.0 as usize] += 1;
+    }
+    let crowded = certain().filter(|contact| {
+        let enough = |id: InstanceId| partners[id.0 as usize] >= MOST_FACES;
+        let mut inside = contact.regions.iter().flat_map(|region| {
+            let extent = region.high - region.low;
+            [0.5, 1e-6].map(|share| (region.low + share * extent, extent))
+        });
+        contact.pair.into_iter().all(enough)
+            && inside.any(|(p, extent)| is_crowded(accel, contact.pair[1], p, extent))
+    });
+    crowded.map(|contact| contact.pair).next()
+}
+
+/// Whether more surfaces than are told apart are where `id` is met across the thinnest side of a
+/// box of this extent.
+fn is_crowded(accel: &Accel, id: InstanceId, p: DVec3, extent: DVec3) -> bool {
+    let axis = DVec3::AXES
+        .into_iter()
+        .min_by(|a, b| a.dot(extent).total_cmp(&b.dot(extent)))
+        .unwrap_or(DVec3::Z);
+    let reach = p.abs().max_element() * 1e-6 + extent.max_element() * 1e-3;
+    let ray = Ray::new(p - axis * reach, axis).ending(2.0 * reach, None);
+    let accel = accel.at(0.0);
+    let hit = accel.closest(&ray, |met| met == id);
+    hit.is_some_and(|hit| accel.coincident(&accel.surface(&ray, &hit)).len() > MOST_FACES)
 }
 
 /// Pairs of instances whose bounds have something in common, the earlier one first.

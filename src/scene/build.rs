@@ -12,6 +12,7 @@ use super::effects::find_effects;
 use super::probe::stack_at;
 use super::{Object, Passage, Scene, Sensor};
 use crate::camera::{Camera, CameraKind};
+use crate::geometry::coincident::MOST_FACES;
 use crate::geometry::{Accel, AccelAt, AreaSampler, Instance, InstanceId, Shape, Shutter};
 use crate::light::area::AreaLight;
 use crate::light::selection::LightSelection;
@@ -108,6 +109,26 @@ pub enum BuildError {
         /// The name of the other.
         other: String,
     },
+    /// A lamp emits from its two sides into two media.
+    #[error(
+        "{subject} \"{name}\" emits from its two sides into two media (allowed: two lamps that face the two sides)"
+    )]
+    TwoMedia {
+        /// The lamp.
+        subject: Subject,
+        /// Name.
+        name: String,
+    },
+    /// More surfaces are in one place than are told apart.
+    #[error(
+        "more than {MOST_FACES} surfaces are in the same place, \"{name}\" and \"{other}\" among them (allowed: {MOST_FACES} that touch)"
+    )]
+    Crowd {
+        /// One of the objects.
+        name: String,
+        /// Another.
+        other: String,
+    },
     /// More instances than ids.
     #[error("the scene has more than {0} surfaces")]
     TooManyInstances(u32),
@@ -122,8 +143,9 @@ impl BuildError {
             | Self::OtherMedium { subject, .. }
             | Self::ChangingMedium { subject, .. }
             | Self::InsideOut { subject, .. }
+            | Self::TwoMedia { subject, .. }
             | Self::SensorsTouch { subject, .. } => Some(*subject),
-            Self::NoLight | Self::TooManyInstances(_) => None,
+            Self::NoLight | Self::Crowd { .. } | Self::TooManyInstances(_) => None,
         }
     }
 }
@@ -426,8 +448,22 @@ impl Builder {
     ) -> Result<Vec<MediumStack>, BuildError> {
         let named = self.light_names.iter().zip(&self.light_subjects);
         let stack = |(light, (name, subject)): (&Light, (&String, &Subject))| {
-            let at = |&t: &f64| self.light_stack(&accel.at(t), light);
-            self.known_stack(moments.all.iter().map(at), *subject, name)
+            let at = |&t: &f64| self.light_stack(&accel.at(t), light, 1.0);
+            let stack = self.known_stack(moments.all.iter().map(at), *subject, name)?;
+            if light.as_area().is_some_and(|area| area.two_sided) {
+                let behind = |&t: &f64| self.light_stack(&accel.at(t), light, -1.0);
+                match constant_stack(moments.all.iter().map(behind), *subject, name) {
+                    Ok(behind) if behind != stack => {
+                        return Err(BuildError::TwoMedia {
+                            subject: *subject,
+                            name: name.clone(),
+                        });
+                    }
+                    Err(problem) if !self.named_media.contains_key(subject) => return Err(problem),
+                    _ => {}
+                }
+            }
+            Ok(stack)
         };
         self.lights.iter().zip(named).map(stack).collect()
     }
@@ -472,12 +508,13 @@ impl Builder {
         }
     }
 
-    fn light_stack(&self, geometry: &AccelAt, light: &Light) -> Option<MediumStack> {
+    /// The solids that a light is in, on the side of a surface's normal (`side` 1) or behind (-1).
+    fn light_stack(&self, geometry: &AccelAt, light: &Light, side: f64) -> Option<MediumStack> {
         let stack = |p, n, start| stack_at(geometry, &self.objects, p, n, start, self.ambient);
         match light.as_area() {
             Some(area) => common_stack((0..PROBES).map(probe).map(|[u, v, w]| {
                 let point = area.sample(geometry, u, DVec2::new(v, w)).point;
-                stack(point.p, point.ng, Some(point.id))
+                stack(point.p, point.ng * side, Some(point.id))
             })),
             None if light.is_infinite() => Some(MediumStack::new(self.ambient)),
             None => {

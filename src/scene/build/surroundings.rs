@@ -2,8 +2,8 @@
 //! stops.
 
 use super::{BuildError, Builder, Subject};
-use crate::geometry::contact::{add_region, contacts, overlaps};
-use crate::geometry::{Accel, Contact, Mesh, Shape};
+use crate::geometry::contact::{add_region, contacts, crowd, overlaps};
+use crate::geometry::{Accel, Contact, InstanceId, Mesh, Shape};
 use crate::medium::{Boundary, MediumId};
 use crate::scene::crossing::stands_alone;
 use crate::scene::description::ObjectDescription;
@@ -61,6 +61,13 @@ impl Builder {
                     add_region(&mut self.objects[id.0 as usize].contacts, *region);
                 }
             }
+        }
+        if let Some([first, second]) = crowd(accel, &contacts) {
+            let object = |id: InstanceId| &self.objects[id.0 as usize];
+            return Err(BuildError::Crowd {
+                name: object(first).name.clone(),
+                other: object(second).name.clone(),
+            });
         }
         let mut among_solids = vec![false; self.objects.len()];
         for [a, b] in overlaps(accel.instances()) {

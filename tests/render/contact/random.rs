@@ -113,6 +113,21 @@ fn parts(numbers: &mut Numbers) -> Vec<Body> {
         let form = rectangle(numbers);
         bodies.push(Body { form, kind });
     }
+    if numbers.below(2) == 0 {
+        // one around the other, in the same place
+        let form = Form::Cylinder {
+            center: [numbers.place(), numbers.place(), numbers.place()],
+            axis: numbers.below(3) as usize,
+            half: 0.5 * (1.0 + numbers.below(2) as f64),
+            radius: 0.5,
+        };
+        for albedo in [0.4, 0.8] {
+            let form = form.clone();
+            let coverage = [1.0, 0.5][numbers.below(2) as usize];
+            let kind = Kind::Diffuse { albedo, coverage };
+            bodies.push(Body { form, kind });
+        }
+    }
     for _ in 0..2 {
         let kind = Kind::Lamp { radiance: 2.0 };
         let form = rectangle(numbers);
@@ -167,6 +182,24 @@ fn text(bodies: &[Body], scale: f64, origin: V, as_mesh: bool) -> String {
                 format!(
                     "sphere = {{ center = {}, radius = {:?} }}",
                     place(*center),
+                    scale * radius
+                )
+            }
+            Form::Cylinder {
+                center,
+                axis,
+                half,
+                radius,
+            } => {
+                let end = |sign: f64| {
+                    let mut end = *center;
+                    end[*axis] += sign * half;
+                    place(end)
+                };
+                format!(
+                    "cylinder = {{ from = {}, to = {}, radius = {:?} }}",
+                    end(-1.0),
+                    end(1.0),
                     scale * radius
                 )
             }

@@ -1,4 +1,4 @@
-//! A tracer of its own for scenes of boxes, balls and rectangles: at every step it lists all faces
+//! A tracer of its own for scenes of boxes, balls, cylinders and rectangles: at every step it lists all faces
 //! on the ray, takes those that are equally far for one crossing, and sorts them by the rule. Which
 //! medium is where it asks of the point, not of a stack.
 
@@ -17,6 +17,13 @@ pub enum Form {
     },
     Ball {
         center: V,
+        radius: f64,
+    },
+    /// The side of a cylinder along a coordinate axis, open at both ends.
+    Cylinder {
+        center: V,
+        axis: usize,
+        half: f64,
         radius: f64,
     },
     /// Half edges; the front is on the side of u x v.
@@ -104,6 +111,30 @@ impl Form {
                     }
                 }
             }
+            Self::Cylinder {
+                center,
+                axis,
+                half,
+                radius,
+            } => {
+                let across = |v: V| {
+                    let mut v = v;
+                    v[*axis] = 0.0;
+                    v
+                };
+                let from = add(o, times(*center, -1.0));
+                let (from2, d2) = (across(from), across(d));
+                let (a, b) = (dot(d2, d2), dot(from2, d2));
+                let root = b * b - a * (dot(from2, from2) - radius * radius);
+                if root > 0.0 && a > 0.0 {
+                    for t in [(-b - root.sqrt()) / a, (-b + root.sqrt()) / a] {
+                        let at = add(from, times(d, t));
+                        if at[*axis].abs() <= *half {
+                            found.push((t, times(across(at), 1.0 / radius)));
+                        }
+                    }
+                }
+            }
             Self::Quad { center, u, v } => {
                 let n = unit(cross(*u, *v));
                 let to = add(*center, times(o, -1.0));
@@ -124,7 +155,7 @@ impl Form {
                 let from = add(p, times(*center, -1.0));
                 dot(from, from) <= radius * radius
             }
-            Self::Quad { .. } => false,
+            Self::Cylinder { .. } | Self::Quad { .. } => false,
         }
     }
 }

@@ -122,3 +122,56 @@ environment = {{ radiance = 1 }}
     ));
     assert_eq!(stack(&text("medium = \"glass\"", 0.2)), Ok(there));
 }
+
+/// A lamp that emits into two media is refused; so are more surfaces in a place than are told apart.
+#[test]
+fn what_cannot_be_decided_where_things_touch_is_refused() {
+    let head = r#"
+[medium.glass]
+ior = 1.5
+[material.clear]
+dielectric = {}
+[material.gray]
+diffuse = { reflectance = 0.5 }
+[[sensor]]
+resolution = [1, 1]
+perspective = { eye = [0, 0, 4], target = [0, 0, 0], fov_deg = 40 }
+[[object]]
+name = "block"
+box = { min = [-1, -1, -1], max = [1, 1, 0] }
+material = "clear"
+interior = "glass"
+[[object]]
+name = "lamp"
+quad = { center = [0, 0, HEIGHT], u = [0.5, 0, 0], v = [0, 0.5, 0] }
+emission = 1
+two_sided = SIDES
+"#;
+    let lamp = |height: &str, sides: &str| {
+        build(&head.replace("HEIGHT", height).replace("SIDES", sides)).map(|_| ())
+    };
+    assert_eq!(lamp("0", "false"), Ok(()));
+    assert_eq!(lamp("0.1", "true"), Ok(()));
+    assert_eq!(lamp("-0.5", "true"), Ok(()));
+    let message = lamp("0", "true").expect_err("glass behind it").to_string();
+    assert!(message.contains("\"lamp\""), "{message}");
+
+    let sheets = |count: usize| {
+        let sheet = |i: usize| {
+            let half = 0.5 + 0.1 * i as f64;
+            format!(
+                "[[object]]\nname = \"sheet {i}\"\nquad = {{ center = [{}, 0, 0], u = [{half}, 0, 0], v = [0, {half}, 0] }}\nmaterial = \"gray\"\n",
+                0.05 * i as f64
+            )
+        };
+        let text: String = (0..count).map(sheet).collect();
+        build(&(head.replace("HEIGHT", "2").replace("SIDES", "false") + &text)).map(|_| ())
+    };
+    // the block is one of them
+    assert_eq!(sheets(7), Ok(()));
+    let message = sheets(8).expect_err("nine in a place").to_string();
+    assert!(
+        message.contains("more than 8") && message.contains("sheet"),
+        "{message}"
+    );
+}
