@@ -2,7 +2,6 @@
 
 use crate::geometry::InstanceId;
 use crate::spectrum::{Curve, Ior, MAX_LANES, SampledSpectrum, SampledWavelengths};
-use arrayvec::ArrayVec;
 
 /// Index of a medium in the scene. 0 is the ambient medium.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -119,52 +118,80 @@ pub enum Boundary {
 }
 
 /// The solids a point is inside of. The one of highest rank is the medium there.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MediumStack {
-    /// Sorted by rank, highest last.
-    solids: ArrayVec<(Rank, MediumId), 6>,
+    /// Sorted by rank, highest last; those beyond `count` are [`NO_SOLID`]. No `ArrayVec`: that is
+    /// copied element by element, and walks copy a stack at every surface.
+    nested: [(Rank, MediumId); MOST_NESTED],
+    /// How many solids there are.
+    count: u32,
     /// Where no solid is.
     outside: MediumId,
 }
+
+/// Most solids that nest.
+const MOST_NESTED: usize = 6;
+/// Filler of a stack.
+const NO_SOLID: (Rank, MediumId) = (
+    Rank {
+        priority: 0,
+        solid: InstanceId(0),
+    },
+    MediumId(0),
+);
 
 impl MediumStack {
     /// In no solid.
     #[must_use]
     pub fn new(outside: MediumId) -> Self {
         Self {
-            solids: ArrayVec::new(),
+            nested: [NO_SOLID; MOST_NESTED],
+            count: 0,
             outside,
         }
+    }
+
+    /// The solids, highest rank last.
+    fn solids(&self) -> &[(Rank, MediumId)] {
+        &self.nested[..self.count as usize]
     }
 
     /// The medium here.
     #[must_use]
     pub fn medium(&self) -> MediumId {
-        self.solids.last().map_or(self.outside, |s| s.1)
+        self.solids().last().map_or(self.outside, |s| s.1)
     }
 
     /// The rank of the solid whose medium this is; `None` outside all solids.
     #[must_use]
     pub fn rank(&self) -> Option<Rank> {
-        self.solids.last().map(|s| s.0)
+        self.solids().last().map(|s| s.0)
     }
 
     /// The stack after crossing `boundary` of `solid`. `entering`: travelling against the geometric
-    /// normal. `None` if more than six solids nest.
+    /// normal. `None` if more than [`MOST_NESTED`] solids nest.
     #[must_use]
     pub fn crossed(&self, boundary: Boundary, solid: InstanceId, entering: bool) -> Option<Self> {
-        let mut next = self.clone();
+        let mut next = *self;
+        let count = self.count as usize;
         match boundary {
             Boundary::None => {}
             Boundary::Solid { medium, priority } => {
                 let rank = Rank { priority, solid };
                 if entering {
-                    let at = next.solids.partition_point(|s| s.0 < rank);
-                    if next.solids.get(at).is_none_or(|s| s.0 != rank) {
-                        next.solids.try_insert(at, (rank, medium)).ok()?;
+                    let at = self.solids().partition_point(|s| s.0 < rank);
+                    if self.solids().get(at).is_none_or(|s| s.0 != rank) {
+                        if count == MOST_NESTED {
+                            return None;
+                        }
+                        next.nested.copy_within(at..count, at + 1);
+                        next.nested[at] = (rank, medium);
+                        next.count += 1;
                     }
-                } else {
-                    next.solids.retain(|s| s.0 != rank);
+                } else if let Some(at) = self.solids().iter().position(|s| s.0 == rank) {
+                    next.nested.copy_within(at + 1..count, at);
+                    next.nested[count - 1] = NO_SOLID;
+                    next.count -= 1;
                 }
             }
             Boundary::Interface { above, below } => {
@@ -182,9 +209,9 @@ impl MediumStack {
     pub fn agrees(&self, boundary: Boundary, solid: InstanceId, entering: bool) -> bool {
         match boundary {
             Boundary::None => true,
-            Boundary::Solid { .. } => self.solids.iter().any(|s| s.0.solid == solid) != entering,
+            Boundary::Solid { .. } => self.solids().iter().any(|s| s.0.solid == solid) != entering,
             Boundary::Interface { above, below } => {
-                !self.solids.is_empty() || self.outside == if entering { above } else { below }
+                !self.count == 0 || self.outside == if entering { above } else { below }
             }
         }
     }

@@ -282,7 +282,7 @@ pub fn sample_and_merge(
             camera,
             Start {
                 ray: Ray::leaving(x_sensor.p, start.direction, x_sensor.surface),
-                stack: sensor.stack.clone(),
+                stack: sensor.stack,
                 throughput: Throughput::splat(weight).times(&eta2),
                 pdf: start.pdf_direction,
                 infinite: false,
@@ -396,7 +396,7 @@ pub(super) fn start_light(
         path,
         Start {
             ray: Ray::leaving(emission.origin, emission.direction, x0.surface),
-            stack: stack.clone(),
+            stack: *stack,
             throughput: Throughput::splat(exposure / probability).times(&weight),
             pdf: emission.pdf_direction,
             infinite: x0.infinite,

@@ -84,7 +84,7 @@ pub fn resolve(
     let id = |i: usize| faces[i].point.id.instance;
     let boundary = |i: usize| objects[id(i).0 as usize].boundary;
     let entering = |i: usize| d.dot(faces[i].point.ng) < 0.0;
-    let mut behind = stack.clone();
+    let mut behind = *stack;
     let mut mismatch = None;
     // interfaces follow one another by the media they name, whatever their order in the scene
     let mut left: u32 = 0;
@@ -237,7 +237,7 @@ impl SceneAt<'_> {
     /// The same, crossing by crossing, where nothing opaque is in the way. Without `media` none is
     /// crossed on it.
     fn carried(&self, ray: &Ray, stack: &MediumStack, media: bool) -> f64 {
-        let (mut ray, mut open, mut stack) = (*ray, 1.0, stack.clone());
+        let (mut ray, mut open, mut stack) = (*ray, 1.0, *stack);
         let is_met = |id: InstanceId| {
             let object = self.object(id);
             object.has_alpha || media && object.passage == Passage::Depends

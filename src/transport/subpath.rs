@@ -243,7 +243,7 @@ impl Subpath {
     ) {
         self.origin = origin;
         self.stacks.clear();
-        self.stacks.push(stack.clone());
+        self.stacks.push(*stack);
         self.light = light;
         self.direct = 0.0;
         self.vertices.clear();
@@ -332,7 +332,7 @@ impl Subpath {
 
     /// Stores the solids of a part of the sub-path; where.
     pub(super) fn store_stack(&mut self, stack: &MediumStack) -> u32 {
-        self.stacks.push(stack.clone());
+        self.stacks.push(*stack);
         (self.stacks.len() - 1) as u32
     }
 

@@ -26,7 +26,7 @@ const ENDLESS_SURVIVAL: f64 = 0.95;
 const ROULETTE_AFTER: usize = 2;
 
 /// Start of a walk.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Start {
     /// First ray.
     pub ray: Ray,
