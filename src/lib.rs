@@ -35,17 +35,18 @@
 //! ```
 //!
 //! - Scenes: [`scene::SceneBuilder`] makes them in Rust, [`io::scene_file`] reads them from TOML.
-//! - Renders: a [`render::Session`] adds passes until it is time to stop; its films can be read at any time.
-//! - Results: [`io::image`] makes images that say how they were made, [`io::exr`] writes them, [`io::part`] keeps exact sums to
-//!   go on from or to add up.
+//! - Renders: a [`render::Session`] adds passes until it is time to stop; its films can be read at
+//!   any time.
+//! - Results: [`io::image`] makes images that say how they were made, [`io::exr`] writes them,
+//!   [`io::part`] keeps exact sums to go on from or to add up.
 //! - Glasses, metals and spectra: [`spectrum::library::Library`].
 //!
-//! Lengths are metres, angles radians, wavelengths nanometers. `tests/examples` holds more: a sweep over glasses, the spectrum on
-//! a detector, a stop rule of one's own. The feature `cli` (on by default) brings the command line; `default-features = false`
-//! leaves it out.
+//! Lengths are metres, angles radians, wavelengths nanometers. `tests/examples` holds more: a sweep
+//! over glasses, the spectrum on a detector, a stop rule of one's own. The feature `cli` (on by
+//! default) brings the command line; `default-features = false` leaves it out.
 //!
-//! The modules are listed from the ground floor up: a module uses only modules listed above it (`tests/tidy.rs` checks this).
-//! `ARCHITECTURE.md` gives the bird's-eye view.
+//! The modules are listed from the ground floor up: a module uses only modules listed above it
+//! (`tests/tidy.rs` checks this). `ARCHITECTURE.md` gives the bird's-eye view.
 
 // links to private items serve who reads the source
 #![allow(rustdoc::private_intra_doc_links)]
@@ -56,6 +57,7 @@ pub mod math;
 
 pub mod spectrum;
 
+pub mod develop;
 pub mod optics;
 
 pub mod geometry;

@@ -2,14 +2,14 @@
 
 use crate::geometry::InstanceId;
 use crate::spectrum::{Curve, Ior, MAX_LANES, SampledSpectrum, SampledWavelengths};
-use arrayvec::ArrayVec;
 
 /// Index of a medium in the scene. 0 is the ambient medium.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct MediumId(pub u32);
 
 impl MediumId {
-    /// The medium of everything unless a solid says otherwise (air, n = 1, unless the scene names another).
+    /// The medium of everything unless a solid says otherwise (air, n = 1, unless the scene names
+    /// another).
     pub const AMBIENT: Self = Self(0);
 }
 
@@ -73,8 +73,8 @@ impl Medium {
 }
 
 impl MediumLanes {
-    /// Beer-Lambert transmittance over `distance` (m); 1 over an infinite one, for light from infinity is given as it
-    /// arrives.
+    /// Beer-Lambert transmittance over `distance` (m); 1 over an infinite one, for light from
+    /// infinity is given as it arrives.
     #[must_use]
     pub fn transmittance(&self, distance: f64) -> SampledSpectrum {
         match &self.absorption {
@@ -86,8 +86,8 @@ impl MediumLanes {
     }
 }
 
-/// Precedence of a solid where solids overlap: the larger wins; ties are broken by the instance, so that the order is total
-/// and does not depend on the direction of travel.
+/// Precedence of a solid where solids overlap: the larger wins; ties are broken by the instance, so
+/// that the order is total and does not depend on the direction of travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Rank {
     /// The scene's number; larger wins.
@@ -99,16 +99,16 @@ pub struct Rank {
 /// How a surface separates media.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Boundary {
-    /// It does not (opaque surfaces, thin sheets, sensors).
+    /// No boundary (opaque surfaces, thin sheets, sensors).
     None,
-    /// It closes a solid filled with a medium.
+    /// Boundary of a solid filled with a medium.
     Solid {
-        /// What fills it.
+        /// Medium that fills the solid.
         medium: MediumId,
-        /// Its precedence.
+        /// Precedence of the solid.
         priority: i32,
     },
-    /// It names the media on both sides (lens surfaces).
+    /// Surface that names the media on both sides (lens surfaces).
     Interface {
         /// On the side the geometric normal points to.
         above: MediumId,
@@ -118,52 +118,80 @@ pub enum Boundary {
 }
 
 /// The solids a point is inside of. The one of highest rank is the medium there.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MediumStack {
-    /// Sorted by rank, highest last.
-    solids: ArrayVec<(Rank, MediumId), 6>,
+    /// Sorted by rank, highest last; those beyond `count` are [`NO_SOLID`]. No `ArrayVec`: that is
+    /// copied element by element, and walks copy a stack at every surface.
+    nested: [(Rank, MediumId); MOST_NESTED],
+    /// How many solids there are.
+    count: u32,
     /// Where no solid is.
     outside: MediumId,
 }
+
+/// Most solids that nest.
+const MOST_NESTED: usize = 6;
+/// Filler of a stack.
+const NO_SOLID: (Rank, MediumId) = (
+    Rank {
+        priority: 0,
+        solid: InstanceId(0),
+    },
+    MediumId(0),
+);
 
 impl MediumStack {
     /// In no solid.
     #[must_use]
     pub fn new(outside: MediumId) -> Self {
         Self {
-            solids: ArrayVec::new(),
+            nested: [NO_SOLID; MOST_NESTED],
+            count: 0,
             outside,
         }
+    }
+
+    /// The solids, highest rank last.
+    fn solids(&self) -> &[(Rank, MediumId)] {
+        &self.nested[..self.count as usize]
     }
 
     /// The medium here.
     #[must_use]
     pub fn medium(&self) -> MediumId {
-        self.solids.last().map_or(self.outside, |s| s.1)
+        self.solids().last().map_or(self.outside, |s| s.1)
     }
 
     /// The rank of the solid whose medium this is; `None` outside all solids.
     #[must_use]
     pub fn rank(&self) -> Option<Rank> {
-        self.solids.last().map(|s| s.0)
+        self.solids().last().map(|s| s.0)
     }
 
     /// The stack after crossing `boundary` of `solid`. `entering`: travelling against the geometric
-    /// normal. `None` if more than six solids nest.
+    /// normal. `None` if more than [`MOST_NESTED`] solids nest.
     #[must_use]
     pub fn crossed(&self, boundary: Boundary, solid: InstanceId, entering: bool) -> Option<Self> {
-        let mut next = self.clone();
+        let mut next = *self;
+        let count = self.count as usize;
         match boundary {
             Boundary::None => {}
             Boundary::Solid { medium, priority } => {
                 let rank = Rank { priority, solid };
                 if entering {
-                    let at = next.solids.partition_point(|s| s.0 < rank);
-                    if next.solids.get(at).is_none_or(|s| s.0 != rank) {
-                        next.solids.try_insert(at, (rank, medium)).ok()?;
+                    let at = self.solids().partition_point(|s| s.0 < rank);
+                    if self.solids().get(at).is_none_or(|s| s.0 != rank) {
+                        if count == MOST_NESTED {
+                            return None;
+                        }
+                        next.nested.copy_within(at..count, at + 1);
+                        next.nested[at] = (rank, medium);
+                        next.count += 1;
                     }
-                } else {
-                    next.solids.retain(|s| s.0 != rank);
+                } else if let Some(at) = self.solids().iter().position(|s| s.0 == rank) {
+                    next.nested.copy_within(at + 1..count, at);
+                    next.nested[count - 1] = NO_SOLID;
+                    next.count -= 1;
                 }
             }
             Boundary::Interface { above, below } => {
@@ -174,67 +202,39 @@ impl MediumStack {
     }
 }
 
-/// The medium at a place and the solid it belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Region {
-    /// The medium.
-    pub medium: MediumId,
-    /// The solid of highest rank there; `None` outside all solids.
-    pub rank: Option<Rank>,
-}
-
 impl MediumStack {
-    /// Whether `boundary` of `solid` can be met here from this side: solids are left only from inside, and interfaces name the medium
-    /// that is really there.
+    /// Whether `boundary` of `solid` can be met here from this side: solids are left only from
+    /// inside, and interfaces name the medium that is really there.
     #[must_use]
     pub fn agrees(&self, boundary: Boundary, solid: InstanceId, entering: bool) -> bool {
         match boundary {
             Boundary::None => true,
-            Boundary::Solid { .. } => self.solids.iter().any(|s| s.0.solid == solid) != entering,
+            Boundary::Solid { .. } => self.solids().iter().any(|s| s.0.solid == solid) != entering,
             Boundary::Interface { above, below } => {
-                !self.solids.is_empty() || self.outside == if entering { above } else { below }
+                !self.count == 0 || self.outside == if entering { above } else { below }
             }
-        }
-    }
-
-    /// The region here.
-    #[must_use]
-    pub fn region(&self) -> Region {
-        Region {
-            medium: self.medium(),
-            rank: self.rank(),
         }
     }
 }
 
-impl Region {
-    /// Whether a segment inside this region passes `boundary` of `solid` without a vertex: the solid is hidden by the region's own
-    /// (lower rank), or the medium does not change. Only for clear interfaces.
-    #[must_use]
-    pub fn passes(&self, boundary: Boundary, solid: InstanceId) -> bool {
-        match boundary {
-            Boundary::None => false,
-            Boundary::Solid { medium, priority } => {
-                let rank = Rank { priority, solid };
-                self.rank.is_some_and(|own| rank < own) || medium == self.medium
-            }
-            Boundary::Interface { above, below } => above == below,
-        }
-    }
-}
-
-/// The absorption coefficient in 1/m that leaves `transmittance` after `distance_m`, at every nanometre of the range.
+/// Absorption coefficient in 1/m that leaves `transmittance` after `distance_m`, at every nanometer
+/// of the range and at the points of its table.
 #[must_use]
 pub fn absorption_of(transmittance: &Curve, distance_m: f64, [low, high]: [f64; 2]) -> Curve {
-    // what lets nothing through over the distance lets 1e-6 through, so that coefficients stay finite
+    // what lets nothing through over the distance lets 1e-6 through, so that coefficients stay
+    // finite
     let coefficient = |nm: f64| -transmittance.eval(nm).max(1e-6).ln() / distance_m;
     if let Curve::Constant(_) = transmittance {
         return Curve::Constant(coefficient(low));
     }
     let steps = (high - low).ceil().max(1.0) as usize;
-    let nm: Vec<f64> = (0..=steps)
-        .map(|i| low + (high - low) * i as f64 / steps as f64)
+    let even = (0..=steps).map(|i| low + (high - low) * i as f64 / steps as f64);
+    let inside = |l: &f64| (low..=high).contains(l);
+    let mut nm: Vec<f64> = even
+        .chain(transmittance.knots_nm().into_iter().filter(inside))
         .collect();
+    nm.sort_by(f64::total_cmp);
+    nm.dedup();
     let values: Vec<f64> = nm.iter().map(|&nm| coefficient(nm)).collect();
     Curve::table(&nm, &values)
 }

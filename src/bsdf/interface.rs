@@ -2,6 +2,7 @@
 //!
 //! Invariant: without `dispersive` the ratio of the two indices is the same in all lanes.
 
+use super::albedo::AlbedoTables;
 use super::fresnel;
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 
@@ -16,6 +17,8 @@ pub struct Interface<'a> {
     pub count: usize,
     /// The ratio of the two indices differs between wavelengths.
     pub dispersive: bool,
+    /// Albedos of the rough lobes there are.
+    pub albedos: &'a AlbedoTables,
 }
 
 impl<'a> Interface<'a> {
@@ -40,6 +43,16 @@ impl<'a> Interface<'a> {
             out[k] = f(k) as f32;
         }
         out
+    }
+
+    /// Indices above and below, averaged over the lanes in use: the same whichever lane is the
+    /// hero.
+    pub(super) fn mean_indices(&self) -> [f64; 2] {
+        if !self.dispersive {
+            return [self.eta_above[0], self.eta_below[0]];
+        }
+        [self.eta_above, self.eta_below]
+            .map(|eta| eta[..self.count].iter().sum::<f64>() / self.count as f64)
     }
 
     /// Fresnel reflectance at cosine `cos` on the side `above`, averaged over the lanes in use: the

@@ -38,6 +38,14 @@ impl Ggx {
         2.0 / (self.stretched(a) * b.z.abs() + self.stretched(b) * a.z.abs())
     }
 
+    /// `G₂/G₁(given)`: of the light of `given` that facets send to `w`, on either side, the share
+    /// that no other facet is in the way of.
+    #[must_use]
+    pub fn unmasked(&self, given: DVec3, w: DVec3) -> f64 {
+        let first = given.z.abs() + self.stretched(given);
+        0.5 * first * w.z.abs() * self.g2_over_cosines(given, w)
+    }
+
     /// Density per solid angle of the micro-normals visible from `w`: `G₁(w) D(m) |w·m| / |w.z|`.
     /// The caller sees to it that `m` faces `w`.
     #[must_use]

@@ -5,16 +5,12 @@
 //! the surface. ω⁻ points towards the light side of the path, ω⁺ towards the camera side. `g = f /
 //! η₊²` is symmetric.
 
-pub mod coated;
-pub mod conductor;
-pub mod dielectric;
-pub mod diffuse;
+pub mod albedo;
 pub mod fresnel;
 pub mod interface;
 pub mod lobe;
 pub mod microfacet;
-pub mod rough_dielectric;
-pub mod thin;
+pub mod multiscatter;
 
 pub use interface::Interface;
 pub use lobe::Lobe;
@@ -248,14 +244,7 @@ impl Bsdf<'_> {
         } else {
             DVec3::new(given.x, given.y, -given.z)
         };
-        let w = match lobe {
-            Lobe::Diffuse(_) | Lobe::Coated(_) => diffuse::Diffuse::generate([u[1], u[2]]),
-            Lobe::Conductor(lobe) => lobe.generate(up, [u[1], u[2]])?,
-            Lobe::RoughDielectric(lobe) => {
-                lobe.generate(up, &self.interface, [rest, u[1], u[2]], above)?
-            }
-            Lobe::Mirror(_) | Lobe::Dielectric(_) | Lobe::Thin(_) => return None,
-        };
+        let w = lobe.generate(up, above, [rest, u[1], u[2]], &self.interface)?;
         let w = if above { w } else { DVec3::new(w.x, w.y, -w.z) };
         self.sample_non_specular(given, w, generate)
     }
@@ -346,27 +335,9 @@ impl Bsdf<'_> {
     /// included (clear glass is white), per lane.
     #[must_use]
     pub fn albedo(&self) -> SampledSpectrum {
-        let (near, far) = self.interface.sides(true);
         let mut sum = SampledSpectrum::ZERO;
         for (weight, lobe) in self.lobes {
-            let share = match lobe {
-                Lobe::Diffuse(lobe) => lobe.reflectance,
-                Lobe::Coated(lobe) => lobe.albedo(),
-                Lobe::Conductor(lobe) => {
-                    conductor::Mirror::Metal(lobe.metal).reflectance(1.0, true, &self.interface)
-                }
-                Lobe::RoughDielectric(lobe) => {
-                    let r = self
-                        .interface
-                        .lanes(|k| fresnel::dielectric(1.0, near[k], far[k]));
-                    r * lobe.reflect_tint + (SampledSpectrum::ONE - r) * lobe.transmit_tint
-                }
-                specular => {
-                    specular.specular(Label::SpecularReflect, 1.0, true, &self.interface)
-                        + specular.specular(Label::SpecularTransmit, 1.0, true, &self.interface)
-                }
-            };
-            sum += share * *weight;
+            sum += lobe.albedo(&self.interface) * *weight;
         }
         sum
     }

@@ -3,21 +3,35 @@
 use super::*;
 use crate::math::chi_square::{integrate_cells, sphere_p_value, uniforms};
 use crate::math::stats::{Moments, sidak};
-use conductor::{Conductor, Metal, Mirror};
-use dielectric::Dielectric;
-use diffuse::Diffuse;
+use albedo::{AlbedoTables, Needs};
+use lobe::conductor::{Conductor, Metal, Mirror};
+use lobe::dielectric::Dielectric;
+use lobe::diffuse::Diffuse;
+use lobe::rough_dielectric::RoughDielectric;
+use lobe::thin::Thin;
 use microfacet::Ggx;
-use rough_dielectric::RoughDielectric;
-use thin::Thin;
+use std::sync::LazyLock;
 
-const ONE: SampledSpectrum = SampledSpectrum::ONE;
+pub(super) const ONE: SampledSpectrum = SampledSpectrum::ONE;
+
+/// Albedos of all lobes here that scatter more than once.
+static TABLES: LazyLock<AlbedoTables> = LazyLock::new(|| {
+    let mut needs = Needs::default();
+    needs.reflectors.add([0.2, 0.2]);
+    needs.reflectors.add([0.9, 0.3]);
+    needs.interfaces.add([0.2, 0.2]);
+    needs.interfaces.add([0.7, 0.7]);
+    needs.interfaces.add([0.2, 0.7]);
+    needs.ratios = vec![[1.4995, 1.6]];
+    AlbedoTables::new(&needs)
+});
 
 /// Indices that live as long as the tests.
 fn kept(lanes: [f64; MAX_LANES]) -> &'static [f64; MAX_LANES] {
     Box::leak(Box::new(lanes))
 }
 
-fn interface(above: &[f64], below: &[f64]) -> Interface<'static> {
+pub(super) fn interface(above: &[f64], below: &[f64]) -> Interface<'static> {
     let fill = |v: &[f64]| kept(std::array::from_fn(|k| v[k.min(v.len() - 1)]));
     let dispersive = above
         .iter()
@@ -28,11 +42,12 @@ fn interface(above: &[f64], below: &[f64]) -> Interface<'static> {
         eta_below: fill(below),
         count: above.len(),
         dispersive,
+        albedos: &TABLES,
     }
 }
 
 /// The same with lane `hero` of the first four in front.
-fn turned(base: &Interface, hero: usize) -> Interface<'static> {
+fn turned(base: &Interface<'static>, hero: usize) -> Interface<'static> {
     let turn = |eta: &[f64; MAX_LANES]| {
         let mut eta = *eta;
         eta[..4].rotate_left(hero);
@@ -45,7 +60,7 @@ fn turned(base: &Interface, hero: usize) -> Interface<'static> {
     }
 }
 
-fn bsdf(lobes: &[(f32, Lobe)], interface: Interface<'static>) -> Bsdf<'static> {
+pub(super) fn bsdf(lobes: &[(f32, Lobe)], interface: Interface<'static>) -> Bsdf<'static> {
     Bsdf {
         lobes: lobes.to_vec().leak(),
         interface,
@@ -67,10 +82,7 @@ fn metal() -> Metal {
 }
 
 fn rough_metal(alpha: [f64; 2]) -> Lobe {
-    Lobe::Conductor(Conductor {
-        ggx: Ggx { alpha },
-        metal: metal(),
-    })
+    Lobe::Conductor(Conductor::single(Ggx { alpha }, metal()))
 }
 
 fn rough_glass(alpha: [f64; 2]) -> Lobe {
@@ -78,6 +90,7 @@ fn rough_glass(alpha: [f64; 2]) -> Lobe {
         ggx: Ggx { alpha },
         reflect_tint: ONE,
         transmit_tint: ONE,
+        multiple: false,
     })
 }
 
@@ -88,7 +101,7 @@ fn smooth_glass() -> Lobe {
     })
 }
 
-fn direction(degrees: f64, turn: f64) -> DVec3 {
+pub(super) fn direction(degrees: f64, turn: f64) -> DVec3 {
     let (sin, cos) = degrees.to_radians().sin_cos();
     DVec3::new(sin * turn.cos(), sin * turn.sin(), cos)
 }
@@ -135,9 +148,43 @@ fn non_specular_cases() -> Vec<Bsdf<'static>> {
     ]
 }
 
+/// Lobes with multiple scattering.
+fn multiple_cases() -> Vec<Bsdf<'static>> {
+    let glass = interface(&[1.0], &[1.5]);
+    let flipped = interface(&[1.6], &[1.0]);
+    let metal = |alpha| Lobe::Conductor(Conductor::new(Ggx { alpha }, metal(), &glass));
+    let interface = |alpha: [f64; 2]| {
+        Lobe::RoughDielectric(RoughDielectric {
+            ggx: Ggx { alpha },
+            reflect_tint: SampledSpectrum::splat(0.9),
+            transmit_tint: ONE,
+            multiple: true,
+        })
+    };
+    vec![
+        bsdf(&[(1.0, metal([0.2, 0.2]))], glass),
+        bsdf(&[(1.0, metal([0.9, 0.3]))], glass),
+        bsdf(&[(1.0, interface([0.7, 0.7]))], glass),
+        bsdf(&[(1.0, interface([0.2, 0.7]))], flipped),
+        bsdf(&[(1.0, interface([0.7, 0.7]))], dispersive_interface()),
+        bsdf(
+            &[
+                (0.3, diffuse(0.8)),
+                (0.2, metal([0.2, 0.2])),
+                (0.4, interface([0.2, 0.2])),
+            ],
+            dispersive_interface(),
+        ),
+    ]
+}
+
+fn all_cases() -> Vec<Bsdf<'static>> {
+    [non_specular_cases(), multiple_cases()].concat()
+}
+
 #[test]
 fn samples_have_their_density() {
-    let cases = non_specular_cases();
+    let cases = all_cases();
     let givens = [0.0, 50.0, 85.0, 120.0, 178.0];
     let level = sidak(0.01, cases.len() * givens.len() * 2);
     for (i, bsdf) in cases.iter().enumerate() {
@@ -176,7 +223,7 @@ fn a_wrong_density_is_noticed() {
 
 #[test]
 fn kernel_is_symmetric_and_densities_swap() {
-    let mut cases = non_specular_cases();
+    let mut cases = all_cases();
     cases.push(bsdf(
         &[(0.5, rough_glass([0.3, 0.5])), (0.2, diffuse(0.3))],
         dispersive_interface(),
@@ -209,7 +256,7 @@ fn kernel_is_symmetric_and_densities_swap() {
 
 #[test]
 fn sample_agrees_with_eval() {
-    for bsdf in non_specular_cases() {
+    for bsdf in all_cases() {
         for n in 0..3000 {
             let given = random_direction(9, n);
             let generate = if n % 2 == 0 {
@@ -319,7 +366,7 @@ fn no_energy_is_created() {
 
 #[test]
 fn densities_integrate_to_at_most_one() {
-    for bsdf in non_specular_cases() {
+    for bsdf in all_cases() {
         for degrees in [10.0, 80.0, 130.0] {
             let given = direction(degrees, 1.0);
             let total: f64 = integrate_cells(&|w| bsdf.eval(given, w).pdf_camera)
@@ -362,9 +409,16 @@ fn barely_rough_glass_splits_like_smooth_glass() {
 
 #[test]
 fn columns_are_the_densities_of_rotated_heroes() {
+    let single = rough_glass([0.3, 0.4]);
+    let multiple = multiple_cases()[4].lobes[0].1;
+    for glass in [single, multiple] {
+        columns_rotate(&[(0.5, glass), (0.3, diffuse(0.4))]);
+    }
+}
+
+fn columns_rotate(lobes: &[(f32, Lobe)]) {
     let base = dispersive_interface();
-    let lobes = [(0.5, rough_glass([0.3, 0.4])), (0.3, diffuse(0.4))];
-    let own = bsdf(&lobes, base);
+    let own = bsdf(lobes, base);
     let mut different = 0;
     for n in 0..500 {
         let (a, b) = (random_direction(31, 2 * n), random_direction(31, 2 * n + 1));
@@ -374,7 +428,7 @@ fn columns_are_the_densities_of_rotated_heroes() {
             continue;
         };
         for k in 0..base.count {
-            let hero = bsdf(&lobes, turned(&base, k)).eval(a, b);
+            let hero = bsdf(lobes, turned(&base, k)).eval(a, b);
             let close = |x: f64, y: f64| (x - y).abs() <= 1e-12 * x.max(y);
             assert!(close(camera.lanes[k], hero.pdf_camera), "lane {k}");
             assert!(close(light.lanes[k], hero.pdf_light), "lane {k}");

@@ -1,8 +1,9 @@
 //! A real receiving surface that measures irradiance.
 //!
-//! The detector is a rectangle of the scene, the image of the square -1..1 in the plane z = 0 (the shape `Quad`) under
-//! its transform. Columns run along u (+x, to the right), rows from the top down v (+y, up); it receives on the side of
-//! u × v, so a picture is seen the right way round from there. `W_e` = 1/A and directions are drawn by the cosine.
+//! The detector is a rectangle of the scene, the image of the square -1..1 in the plane z = 0 (the
+//! shape `Quad`) under its transform. Columns run along u (+x, to the right), rows from the top
+//! down v (+y, up); it receives on the side of u × v, so a picture is seen the right way round from
+//! there. `W_e` = 1/A and directions are drawn by the cosine.
 
 use super::{CameraSample, Resolution, SensorConnection};
 use crate::geometry::{
@@ -15,9 +16,10 @@ use std::f64::consts::PI;
 /// A rectangular detector.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Detector {
-    /// Whether light goes on unchanged after it is measured. Otherwise the detector absorbs it, on both sides.
+    /// Whether light goes on unchanged after it is measured. Otherwise the detector absorbs it, on
+    /// both sides.
     pub transparent: bool,
-    /// Its surface in the scene, set when the scene is built.
+    /// Surface in the scene, set when the scene is built.
     pub instance: Option<InstanceId>,
 }
 

@@ -1,10 +1,12 @@
 //! Sensors: where camera sub-paths begin and where light paths are measured.
 //!
-//! Raster coordinates are in pixels, (0, 0) the top left corner of the film, x to the right, y down. `W_e` averages over the
-//! whole film (pixel value = film integral over the pixel × number of pixels). Raster positions outside the film by a
-//! filter radius are as good as those inside: densities continue there.
+//! Raster coordinates are in pixels, (0, 0) the top left corner of the film, x to the right, y
+//! down. `W_e` averages over the whole film (pixel value = film integral over the pixel × number of
+//! pixels). Raster positions outside the film by a filter radius are as good as those inside:
+//! densities continue there.
 //!
-//! `W_e` and densities follow Veach 1997, section 8.3, and Pharr, Jakob and Humphreys 2016, section 16.1.
+//! `W_e` and densities follow Veach 1997, section 8.3, and Pharr, Jakob and Humphreys 2016, section
+//! 16.1.
 
 pub mod detector;
 pub mod orthographic;
@@ -67,7 +69,8 @@ pub struct CameraSample {
     pub pdf_xk: f64,
     /// Density of the direction.
     pub pdf_direction: DirectionalDensity,
-    /// Throughput after the first direction without the medium's η²: `W_e cosθ_k/(pdf_xk p_ω)`: 1 for cameras, π for detectors.
+    /// Throughput after the first direction without the medium's η²: `W_e cosθ_k/(pdf_xk p_ω)`: 1
+    /// for cameras, π for detectors.
     pub weight: f64,
 }
 
@@ -84,8 +87,8 @@ pub struct SensorConnection {
     pub pdf_xk: f64,
     /// Where it lands, in raster coordinates (may lie outside the film by a filter radius).
     pub raster: DVec2,
-    /// `W_e |cosθ_k|/(d² pdf_xk)`; orthographic: `W_e` = 1/A_film: everything of the connection but the scattering point's own
-    /// cosine and kernel, η², visibility and absorption.
+    /// `W_e |cosθ_k|/(d² pdf_xk)`; orthographic: `W_e` = 1/A_film: everything of the connection but
+    /// the scattering point's own cosine and kernel, η², visibility and absorption.
     pub importance: f64,
 }
 
@@ -139,8 +142,8 @@ impl CameraKind {
 }
 
 impl Camera {
-    /// A camera with the full vertical field of view `fov_y_rad` (0 < fov < π) placed by a rigid motion; square pixels.
-    /// Without a lens it is a pinhole.
+    /// A camera with the full vertical field of view `fov_y_rad` (0 < fov < π) placed by a rigid
+    /// motion; square pixels. Without a lens it is a pinhole.
     #[must_use]
     pub fn perspective(
         transform: Transform,
@@ -156,7 +159,8 @@ impl Camera {
         }
     }
 
-    /// A camera of parallel rays with a film `width_m` metres wide (> 0), placed by a rigid motion; square pixels.
+    /// A camera of parallel rays with a film `width_m` metres wide (> 0), placed by a rigid motion;
+    /// square pixels.
     #[must_use]
     pub fn orthographic(transform: Transform, resolution: Resolution, width_m: f64) -> Self {
         let kind = CameraKind::Orthographic(Orthographic::new(resolution, width_m));
@@ -167,8 +171,9 @@ impl Camera {
         }
     }
 
-    /// A detector of `width_m` × `height_m` metres (> 0) at rest: centred on the origin of the rigid motion `pose`, u along
-    /// its x axis and v along its y axis. It lets light through if `transparent`, else it absorbs it.
+    /// A detector of `width_m` × `height_m` metres (> 0) at rest: centred on the origin of the
+    /// rigid motion `pose`, u along its x axis and v along its y axis. It lets light through if
+    /// `transparent`, else it absorbs it.
     #[must_use]
     pub fn detector(
         pose: DAffine3,
@@ -216,7 +221,8 @@ impl Camera {
         self.transform.enumerate(next);
     }
 
-    /// The same sensor inside a hierarchy of moving `parents` (the outermost first; without scale) over `shutter`.
+    /// The same sensor inside a hierarchy of moving `parents` (the outermost first; without scale)
+    /// over `shutter`.
     #[must_use]
     pub fn under(mut self, parents: &[Link], shutter: Shutter) -> Self {
         self.transform = self.transform.under(parents, shutter);
@@ -239,7 +245,8 @@ impl Camera {
         Some(Detector::area(&self.transform.at(moment)))
     }
 
-    /// Starts a camera sub-path at a raster position. `u_lens` chooses the lens point, or a detector's direction.
+    /// Starts a camera sub-path at a raster position. `u_lens` chooses the lens point, or a
+    /// detector's direction.
     #[must_use]
     pub fn sample_ray(&self, raster: DVec2, u_lens: DVec2, moment: Moment) -> CameraSample {
         let (place, resolution) = (&*self.transform.at(moment), self.resolution);
@@ -261,8 +268,9 @@ impl Camera {
         }
     }
 
-    /// Connects a point to the sensor, with a lens or detector point chosen by `u_lens`. `margin` (pixels) widens the film by
-    /// the filter's reach (a detector is never wider than its surface). `None` where the point is not seen.
+    /// Connects a point to the sensor, with a lens or detector point chosen by `u_lens`. `margin`
+    /// (pixels) widens the film by the filter's reach (a detector is never wider than its surface).
+    /// `None` where the point is not seen.
     #[must_use]
     pub fn sample_connection(
         &self,
@@ -283,8 +291,8 @@ impl Camera {
         }
     }
 
-    /// Density of a point of this sensor and of leaving it in unit `direction` (into the scene). The density of the
-    /// direction is 0 behind the sensor; it continues outside the film.
+    /// Density of a point of this sensor and of leaving it in unit `direction` (into the scene).
+    /// The density of the direction is 0 behind the sensor; it continues outside the film.
     #[must_use]
     pub fn density(&self, direction: DVec3, moment: Moment) -> (f64, DirectionalDensity) {
         let place = &*self.transform.at(moment);
@@ -295,9 +303,9 @@ impl Camera {
         }
     }
 
-    /// A light path that hits the sensor (t = 0): raster position and `W_e` (1/A_det) where `toward_scene` (unit, back along
-    /// the arriving ray) is on the accepting side. `None` for every sensor but a detector, and for points of other
-    /// surfaces.
+    /// A light path that hits the sensor (t = 0): raster position and `W_e` (1/A_det) where
+    /// `toward_scene` (unit, back along the arriving ray) is on the accepting side. `None` for
+    /// every sensor but a detector, and for points of other surfaces.
     #[must_use]
     pub fn arrive(
         &self,

@@ -1,7 +1,7 @@
 //! Parallel projection.
 //!
-//! The camera looks along the -z axis of its own space, +x to the right and +y up. Rays leave a film of real size in
-//! the plane z = 0; things behind it are not seen.
+//! The camera looks along the -z axis of its own space, +x to the right and +y up. Rays leave a
+//! film of real size in the plane z = 0; things behind it are not seen.
 
 use super::{CameraSample, Resolution, SensorConnection};
 use crate::geometry::{DirectionalDensity, EndPoint, Placement};

@@ -1,10 +1,11 @@
 //! Pinhole and thin-lens cameras.
 //!
-//! The camera looks along the -z axis of its own space, +x to the right and +y up. The film is measured on the plane
-//! at unit distance, where it has area `A_film`. A thin lens of focus distance f sends a raster position from every
-//! lens point through one point of the plane at distance f; the film's image there has area f² `A_film`, and the lens
-//! point sees it at distance f/cosθ. So the density of directions is 1/(`A_film` cos³θ) for both, with θ the angle of
-//! the ray itself, and `W_e` = 1/(`A_film` `A_lens` cos⁴θ) gives every camera path weight 1.
+//! The camera looks along the -z axis of its own space, +x to the right and +y up. The film is
+//! measured on the plane at unit distance, where it has area `A_film`. A thin lens of focus
+//! distance f sends a raster position from every lens point through one point of the plane at
+//! distance f; the film's image there has area f² `A_film`, and the lens point sees it at distance
+//! f/cosθ. So the density of directions is 1/(`A_film` cos³θ) for both, with θ the angle of the ray
+//! itself, and `W_e` = 1/(`A_film` `A_lens` cos⁴θ) gives every camera path weight 1.
 
 use super::orthographic::axis;
 use super::{CameraSample, Resolution, SensorConnection};

@@ -1,4 +1,4 @@
-//! What every sensor must fulfil, whatever its kind.
+//! Tests that every sensor must pass, whatever its kind.
 
 use super::perspective::ThinLens;
 use super::*;
@@ -89,7 +89,8 @@ fn connection_inverts_the_ray() {
                 assert!((c.toward + s.direction).length() < 1e-12);
                 assert!(close(c.distance, distance));
                 assert_eq!(c.pdf_xk, s.pdf_xk);
-                // T_C = W_e cosθ/(pdf p_ω) ties the two: importance = T_C × area density of x per cosine there
+                // T_C = W_e cosθ/(pdf p_ω) ties the two: importance = T_C × area density of x per
+                // cosine there
                 let expected = s.weight * s.pdf_direction.area_density(1.0, distance * distance);
                 assert!(close(c.importance, expected), "{} {expected}", c.importance);
             }
@@ -128,7 +129,8 @@ fn film_ends_at_the_margin() {
 
 #[test]
 fn directions_of_the_film_integrate_to_one() {
-    // solid angle of the film from a lens point, by triangles of adjacent rays (Van Oosterom and Strackee 1983)
+    // solid angle of the film from a lens point, by triangles of adjacent rays (Van Oosterom and
+    // Strackee 1983)
     let solid_angle = |a: DVec3, b: DVec3, c: DVec3| {
         let denominator = 1.0 + a.dot(b) + b.dot(c) + c.dot(a);
         2.0 * a.dot(b.cross(c)).abs().atan2(denominator)

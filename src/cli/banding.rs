@@ -3,7 +3,8 @@
 
 use super::args::BandingOptions;
 use super::{CliError, Outcome, print, threads};
-use crate::io::atomic::{check_writable, write_atomic};
+use crate::io::atomic::write_atomic;
+use crate::io::destination::Claims;
 use crate::report::banding::BandingStudy;
 use std::io::Write as _;
 
@@ -11,8 +12,9 @@ use std::io::Write as _;
 pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
     let json_path = options.output.with_extension("json");
     let picture_path = options.output.with_extension("png");
+    let mut claims = Claims::of_inputs([&options.scene]);
     for path in [&options.output, &json_path, &picture_path] {
-        check_writable(path)?;
+        claims.output(path)?;
     }
     let study = BandingStudy {
         scene: options.scene.clone(),

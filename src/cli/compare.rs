@@ -2,7 +2,7 @@
 //! two tables of path classes.
 
 use super::args::CompareOptions;
-use super::{CliError, Outcome, print};
+use super::{CliError, Outcome, print, tell};
 use crate::report::class_tables;
 use crate::report::compare::{self, Xyz};
 
@@ -19,6 +19,9 @@ pub fn run(options: &CompareOptions) -> Result<Outcome, CliError> {
     let (image, reference) = match reference {
         Some(reference) => {
             let [image, reference] = Xyz::read_pair(image, reference)?;
+            if image.shows_another(&reference) {
+                tell("warning: the images are of different scenes or sensors");
+            }
             (image, Some(reference))
         }
         None => (Xyz::read(image)?, None),

@@ -1,9 +1,10 @@
 //! `abbe convert`: an editable scene file that refers to a model.
 
 use super::args::ConvertOptions;
-use super::{CliError, Outcome, print};
-use crate::io::atomic::{check_writable, folder, write_atomic};
+use super::{CliError, Outcome, print, tell};
+use crate::io::atomic::{folder, write_atomic};
 use crate::io::convert::scene_text;
+use crate::io::destination::Claims;
 use crate::io::model::Staging;
 use crate::io::model_file::{self, ModelKind};
 use std::io::Write as _;
@@ -14,15 +15,16 @@ pub fn run(options: &ConvertOptions) -> Result<Outcome, CliError> {
     let path = &options.model;
     let kind = ModelKind::of(path)
         .ok_or_else(|| CliError::file(path, "not a model (allowed: .gltf, .glb, .obj, .ply)"))?;
-    check_writable(&options.output)?;
     let name = name_from(&options.output, path)?;
     let read = model_file::load(path, kind, &Staging::default())
         .map_err(|message| CliError::file(path, message))?;
+    let inputs = [path].into_iter().chain(&read.files);
+    Claims::of_inputs(inputs).output(&options.output)?;
     for note in &read.notes {
-        eprintln!("warning: {note}");
+        tell(&format!("warning: {note}"));
     }
     if read.animated && !read.cameras.is_empty() {
-        eprintln!("warning: cameras are written as they are at 0 s of the animations");
+        tell("warning: cameras are written as they are at 0 s of the animations");
     }
     let text = scene_text(&read, kind, &name);
     write_atomic(&options.output, |file| file.write_all(text.as_bytes()))?;

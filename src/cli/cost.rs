@@ -24,7 +24,7 @@ pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
         vary: options.vary.clone(),
         probe: options.probe,
     })?;
-    let cancel = interrupt::listen()?;
+    let interrupts = interrupt::listen()?;
     let pool = threads::pool(options.threads)?;
     let say = |text: &str| {
         if !options.quiet {
@@ -32,7 +32,8 @@ pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
         }
     };
     let mut tell = |event: Event| say(&text(options, &event));
-    let report = pool.install(|| study.run(pool.current_num_threads(), &cancel, &mut tell))?;
+    let report =
+        pool.install(|| study.run(pool.current_num_threads(), interrupts.cancel(), &mut tell))?;
     let Some(report) = report else {
         say("interrupted; the same command goes on from the cells that are done\n");
         return Ok(Outcome::Interrupted);

@@ -2,12 +2,14 @@
 
 use crate::film::AddSumsError;
 use crate::io::atomic::FileError;
+use crate::io::destination::ClaimError;
 use crate::io::exr::ExrError;
 use crate::io::loaded::LoadError;
 use crate::io::part::PartError;
 use crate::render::SessionError;
 use crate::report::ReportError;
 use crate::spectrum::LibraryError;
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 /// Why a command failed.
@@ -27,9 +29,12 @@ pub enum CliError {
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault, in words.
         message: String,
     },
+    /// An output that would destroy something.
+    #[error(transparent)]
+    Claim(#[from] ClaimError),
     /// A file that could not be written.
     #[error(transparent)]
     Write(#[from] FileError),
@@ -62,11 +67,22 @@ impl CliError {
         }
     }
 
+    /// Whether the same may succeed later: a disk that is full, a folder that is gone.
+    #[must_use]
+    pub fn may_pass(&self) -> bool {
+        match self {
+            Self::Write(e) | Self::Image(ExrError::File(e)) | Self::Part(PartError::File(e)) => {
+                e.source.kind() != ErrorKind::FileTooLarge
+            }
+            _ => false,
+        }
+    }
+
     /// 2 for wrong usage, else 1.
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Usage(_) => 2,
+            Self::Usage(_) | Self::Claim(ClaimError::Input(_) | ClaimError::Twice { .. }) => 2,
             Self::Load(error) => 1 + u8::from(error.is_usage()),
             Self::Report(error) => 1 + u8::from(error.is_usage()),
             _ => 1,

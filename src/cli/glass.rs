@@ -6,7 +6,8 @@ use crate::spectrum::{Ior, Library, LibraryError};
 use serde_json::json;
 use std::fmt::Write as _;
 
-/// Spectral lines at which glass is specified: letter, source, nanometers (ISO 7944 and the Schott catalog).
+/// Spectral lines at which glass is specified: letter, source, nanometers (ISO 7944 and the Schott
+/// catalog).
 const LINES: [(&str, &str, f64); 13] = [
     ("i", "Hg", 365.0146),
     ("h", "Hg", 404.6561),
@@ -44,7 +45,8 @@ pub fn run(options: &GlassOptions) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
-/// The error of a name that is none, with the glasses whose name or description holds it, and the catalogs.
+/// The error of a name that is none, with the glasses whose name or description holds it, and the
+/// catalogs.
 fn unknown(library: &Library, name: &str, error: LibraryError) -> CliError {
     if !matches!(error, LibraryError::Unknown { .. }) {
         return error.into();
@@ -146,7 +148,7 @@ fn table(ior: &Ior) -> String {
     text
 }
 
-/// What is known of a glass without its lines.
+/// Facts of a glass without its lines.
 pub fn summary(ior: &Ior) -> serde_json::Value {
     json!({
         "name": ior.name(),

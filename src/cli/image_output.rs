@@ -1,12 +1,41 @@
 //! An image with its preview.
 
 use super::CliError;
-use crate::io::exr::ExrImage;
-use crate::io::{exr, png};
-use crate::spectrum::xyz::xyz_to_linear_srgb;
+use crate::develop::{Development, Exposure};
+use crate::io::atomic::write_atomic;
+use crate::io::exr::{self, ExrImage, MetadataValue};
+use crate::io::identity::{DETECTOR, SENSOR_KIND};
+use crate::io::png::{Depth, picture_bytes};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Writes an XYZ image and, where a path is given, its preview.
+/// Share of clipped pixels from which on a preview says so.
+const CLIPPED: f64 = 0.05;
+
+/// A preview that was written, in words: file, exposure, and what of it is clipped.
+#[must_use]
+pub fn preview_text(path: &Path, stops: f64, clipped: f64) -> String {
+    let mut text = format!("{}, exposure {stops:+.2} EV", path.display());
+    if clipped > CLIPPED {
+        text += &format!(
+            ", {:.0} % of the pixels are clipped (a lower --exposure shows them)",
+            100.0 * clipped
+        );
+    }
+    text
+}
+
+/// The development of an image by the kind of its sensor, if nothing else is asked for.
+#[must_use]
+pub fn development(image: &ExrImage) -> Development {
+    match image.metadata.get(SENSOR_KIND) {
+        Some(MetadataValue::Text(kind)) if kind == DETECTOR => Development::MEASUREMENT,
+        _ => Development::PHOTOGRAPH,
+    }
+}
+
+/// Writes an XYZ image and, where a path is given, its preview, brightened by `exposure` (`None`:
+/// as the sensor calls for). Says of the preview what a user should know.
 ///
 /// # Errors
 /// Where a file cannot be written; the other is then untouched or new.
@@ -14,22 +43,40 @@ pub fn write_image(
     path: &Path,
     image: &ExrImage,
     preview: Option<&Path>,
-    exposure_ev: f64,
-) -> Result<(), CliError> {
+    exposure: Option<f64>,
+) -> Result<Option<String>, CliError> {
     exr::write(path, image)?;
     let Some(preview) = preview else {
-        return Ok(());
+        return Ok(None);
     };
+    let mut development = development(image);
+    if let Some(stops) = exposure {
+        development.exposure = Exposure::Stops(stops);
+    }
     let xyz = image.xyz().unwrap_or_default();
-    let size = (image.crop.x1 - image.crop.x0, image.crop.y1 - image.crop.y0);
-    Ok(png::write_preview(
-        preview,
-        size.0,
-        size.1,
-        &xyz,
-        exposure_ev,
-        xyz_to_linear_srgb,
-    )?)
+    let size = (image.crop.width(), image.crop.height());
+    let picture = development.develop(&xyz);
+    let png = picture_bytes(size, &picture, development.display, Depth::Eight)
+        .map_err(|e| CliError::file(preview, e.to_string()))?;
+    write_atomic(preview, |file| file.write_all(&png))?;
+    Ok(Some(preview_text(preview, picture.stops, picture.clipped)))
+}
+
+/// Refuses a name that promises another format than OpenEXR.
+///
+/// # Errors
+/// The name does not end in `.exr`.
+pub fn check_ending(path: &Path) -> Result<(), CliError> {
+    if path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("exr"))
+    {
+        return Ok(());
+    }
+    Err(CliError::Usage(format!(
+        "{}: images are OpenEXR files (allowed: a name that ends in .exr; a PNG preview is written beside it)",
+        path.display()
+    )))
 }
 
 /// The preview beside an image.

@@ -2,12 +2,13 @@
 
 use super::args::InfoOptions;
 use super::usage::bytes_text;
-use super::{CliError, Outcome, glass, print, summary};
+use super::{CliError, Outcome, glass, print, summary, tell};
 use crate::geometry::{Shape, Shutter};
 use crate::integrator::aims;
 use crate::io::loaded::{Loaded, load};
 use crate::render::OutputRequest;
 use crate::render::memory::{film_bytes, geometry_bytes, texture_bytes};
+use crate::scene::Scene;
 use crate::scene::chains::ChainLink;
 use crate::scene::effects::Effect;
 use crate::scene::moving::Moving;
@@ -17,11 +18,14 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+/// Most contacts listed in the text.
+const MOST_CONTACTS: usize = 20;
+
 /// Runs the command.
 pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
     let loaded = load(&options.scene, &options.overrides.set)?;
     for warning in &loaded.warnings {
-        eprintln!("warning: {warning}");
+        tell(&format!("warning: {warning}"));
     }
     print(&if options.json {
         format!("{:#}\n", to_json(&loaded))
@@ -31,7 +35,7 @@ pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
-/// What the scene calls for, and whether each sensor is regularized.
+/// Effects of the scene, and whether each sensor is regularized.
 fn effects(loaded: &Loaded) -> Vec<Effect> {
     let decided = |sensor| summary::decided(&decide(&loaded.scene, sensor, &loaded.settings));
     let sensors = 0..loaded.scene.sensors.len();
@@ -189,6 +193,7 @@ fn to_text(loaded: &Loaded) -> String {
         }
         text.push('\n');
     }
+    text += &contacts_text(scene);
     text += "media\n";
     for medium in &scene.media {
         let ior = &medium.ior;
@@ -222,6 +227,28 @@ fn to_text(loaded: &Loaded) -> String {
         images.len()
     );
     text
+}
+
+/// Pairs of surfaces that touch, the first few of them.
+fn contacts_text(scene: &Scene) -> String {
+    let pairs: Vec<[&str; 2]> = contacts(scene).collect();
+    let mut text = String::new();
+    if !pairs.is_empty() {
+        text += "contacts\n";
+    }
+    for [a, b] in pairs.iter().take(MOST_CONTACTS) {
+        _ = writeln!(text, "  {a:<13} {b}");
+    }
+    if pairs.len() > MOST_CONTACTS {
+        _ = writeln!(text, "  and {} more", pairs.len() - MOST_CONTACTS);
+    }
+    text
+}
+
+/// Names of the surfaces that are known to touch.
+fn contacts(scene: &Scene) -> impl Iterator<Item = [&str; 2]> {
+    let certain = scene.contacts.iter().filter(|contact| contact.certain);
+    certain.map(|contact| contact.pair.map(|id| scene.object(id).name.as_str()))
 }
 
 /// Where the scene's wavelengths leave the data of an index.
@@ -264,6 +291,7 @@ fn to_json(loaded: &Loaded) -> Value {
         "triangles": triangles(loaded),
         "lights": lights.collect::<Vec<_>>(),
         "motion": motion.collect::<Vec<_>>(),
+        "contacts": contacts(scene).collect::<Vec<_>>(),
         "media": media.collect::<Vec<_>>(),
         "effects": effects(loaded),
         "memory_bytes": { "films": films_bytes(loaded), "meshes": geometry_bytes(scene), "textures": texture_bytes(scene) },

@@ -1,24 +1,24 @@
 //! `abbe merge`: the image of disjoint passes, from their exact sums.
 
 use super::args::MergeOptions;
-use super::image_output::{preview_path, write_image};
+use super::image_output::{check_ending, preview_path, write_image};
 use super::{CliError, Outcome, print};
-use crate::io::atomic::check_writable;
+use crate::io::destination::Claims;
 use crate::io::image;
 use crate::io::part::{self, Part, PartError};
 
 /// Runs the command.
 pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
     let preview = (!options.no_preview).then(|| preview_path(&options.output));
-    for path in [
+    check_ending(&options.output)?;
+    let mut claims = Claims::of_inputs(&options.parts);
+    let outputs = [
         Some(&options.output),
         preview.as_ref(),
         options.part.as_ref(),
-    ]
-    .into_iter()
-    .flatten()
-    {
-        check_writable(path)?;
+    ];
+    for path in outputs.into_iter().flatten() {
+        claims.output(path)?;
     }
     let parts: Vec<Part> = options
         .parts
@@ -33,7 +33,7 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
         )));
     }
     let image = image::of_part(&merged)?;
-    write_image(
+    let preview = write_image(
         &options.output,
         &image,
         preview.as_deref(),
@@ -44,11 +44,16 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
         part::write(path, &merged)?;
     }
     if !options.quiet {
-        print(&format!(
-            "{}: {} parts, {passes} passes\n",
-            options.output.display(),
-            options.parts.len()
-        ));
+        let parts = options.parts.len();
+        let [part, pass] = [
+            (parts, "part", "parts"),
+            (passes as usize, "pass", "passes"),
+        ]
+        .map(|(n, one, several)| format!("{n} {}", if n == 1 { one } else { several }));
+        print(&format!("{}: {part}, {pass}\n", options.output.display()));
+        if let Some(text) = preview {
+            print(&format!("  preview   {text}\n"));
+        }
     }
     Ok(Outcome::Done)
 }

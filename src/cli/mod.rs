@@ -1,12 +1,15 @@
-//! The command line: parses, runs one command, turns the outcome into an exit code. Only this floor prints.
+//! The command line: parses, runs one command, turns the outcome into an exit code. Only this floor
+//! prints.
 //!
-//! Results go to stdout; progress, warnings and errors go to stderr, errors as one line each beginning with `error:`.
+//! Results go to stdout; progress, warnings and errors go to stderr, errors as one line each
+//! beginning with `error:`.
 
 mod args;
 mod banding;
 mod compare;
 mod convert;
 mod cost;
+mod develop;
 mod error;
 mod glass;
 mod image_output;
@@ -14,9 +17,11 @@ mod info;
 mod interrupt;
 mod keys;
 mod lens;
+mod memory;
 mod merge;
 mod progress;
 mod render;
+mod save;
 mod stats;
 mod summary;
 mod threads;
@@ -35,11 +40,12 @@ const INTERRUPTED: u8 = 130;
 pub enum Outcome {
     /// Everything asked for was done.
     Done,
-    /// It was interrupted; what there was has been saved.
+    /// Interrupted; what there was has been saved.
     Interrupted,
 }
 
-/// Runs the command line of this process: 0 done, 1 failed, 2 usage, 130 interrupted with the image saved.
+/// Runs the command line of this process: 0 done, 1 failed, 2 usage, 130 interrupted with the image
+/// saved.
 #[must_use]
 pub fn run() -> ExitCode {
     let arguments = match Arguments::try_parse() {
@@ -55,6 +61,7 @@ pub fn run() -> ExitCode {
         Command::Info(options) => info::run(&options),
         Command::Cost(options) => cost::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Develop(options) => develop::run(&options),
         Command::Glass(options) => glass::run(&options),
         Command::Keys(options) => Ok(keys::run(&options)),
         Command::Lens(options) => lens::run(&options),
@@ -67,15 +74,32 @@ pub fn run() -> ExitCode {
         Ok(Outcome::Interrupted) => ExitCode::from(INTERRUPTED),
         Err(error) => {
             for line in error.to_string().lines() {
-                eprintln!("error: {line}");
+                tell(&format!("error: {line}"));
             }
             ExitCode::from(error.exit_code())
         }
     }
 }
 
-/// Writes to stdout. A reader that has closed the pipe (`abbe info SCENE | head`) ends the output, not the command.
+/// Writes a line to stderr. Names from files may hold what would control a terminal.
+fn tell(line: &str) {
+    use std::io::Write;
+    // where stderr is closed or full nobody is left to tell
+    _ = writeln!(std::io::stderr().lock(), "{}", harmless(line));
+}
+
+/// Text without control characters but line ends and tabs.
+fn harmless(text: &str) -> String {
+    let keep = |c: char| !c.is_control() || matches!(c, '\n' | '\t');
+    let shown = |c: char| if keep(c) { c } else { '\u{fffd}' };
+    text.chars().map(shown).collect()
+}
+
+/// Writes to stdout. A reader that has closed the pipe (`abbe info SCENE | head`) ends the output,
+/// not the command.
 fn print(text: &str) {
     use std::io::Write;
-    _ = std::io::stdout().lock().write_all(text.as_bytes());
+    _ = std::io::stdout()
+        .lock()
+        .write_all(harmless(text).as_bytes());
 }

@@ -1,4 +1,5 @@
-//! The progress line on stderr: passes or time used, rate, time left. Silent where stderr is not a terminal.
+//! The progress line on stderr: passes or time used, rate, time left. Silent where stderr is not a
+//! terminal.
 
 use crate::render::{self, Session, Tiles};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};

@@ -1,52 +1,41 @@
-//! `abbe render`: loads, renders each sensor pass by pass, writes images, statistics and part files.
+//! `abbe render`: loads, renders each sensor pass by pass, writes images, statistics and part
+//! files.
 
 use super::args::RenderOptions;
-use super::image_output::{preview_path, write_image};
-use super::interrupt;
+use super::image_output::{check_ending, preview_path};
+use super::interrupt::{self, Interrupts};
+use super::memory::within_limit;
 use super::progress::Progress;
+use super::save::{self, Saver, Targets};
 use super::stats::{self, SensorStats};
-use super::usage::bytes_text;
-use super::{CliError, Outcome, print, summary, threads};
+use super::{CliError, Outcome, print, summary, tell, threads};
 use crate::film::Crop;
-use crate::io::atomic::check_writable;
+use crate::io::destination::Claims;
 use crate::io::layers::{self, Layer};
 use crate::io::loaded::{self, Loaded};
-use crate::io::{image, part};
+use crate::io::part;
 use crate::render::clock::cpu_seconds;
-use crate::render::guides::Guide;
-use crate::render::memory::{film_bytes, geometry_bytes, texture_bytes};
+use crate::render::memory::film_bytes;
 use crate::render::session::NO_LIMIT;
-use crate::render::{
-    Cancel, OutputRequest, PhotonMemory, Render, Session, SessionOptions, StopReason, StopRules,
-};
-use crate::scene::Scene;
+use crate::render::{OutputRequest, Render, Session, SessionOptions, StopReason, StopRules};
 use crate::spectrum::SpectralChannels;
-use std::collections::BTreeSet;
 use std::ffi::OsStr;
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The image is rewritten at least this often.
-const SAVE_INTERVAL: Duration = Duration::from_secs(60);
+/// Passes after which an image that is all black is worth a word.
+const PASSES_TO_SEE: u64 = 16;
 
-/// Where the results of one sensor go.
-#[derive(Clone, Debug)]
-struct Targets {
-    image: PathBuf,
-    preview: Option<PathBuf>,
-    spectral: Option<PathBuf>,
-}
-
-/// What all sensors share.
+/// Parts that all sensors share.
 struct Job<'a> {
     options: &'a RenderOptions,
     loaded: &'a Loaded,
     request: OutputRequest,
     passes: Range<u32>,
     rules: StopRules,
-    cancel: Cancel,
+    interrupts: Interrupts,
 }
 
 /// Runs the command.
@@ -58,18 +47,19 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         .iter()
         .map(|&s| targets(options, &loaded, s, sensors.len() > 1))
         .collect();
-    check_targets(options, &targets)?;
+    check_targets(options, &loaded, &targets)?;
     let crops = sensors
         .iter()
         .map(|&s| crop(options, &loaded, s))
         .collect::<Result<Vec<_>, _>>()?;
     let request = output_request(options, &loaded);
+    let _part = save::take_part(options)?;
     check_memory(options, &loaded, &request, &crops)?;
     // from here on: the first output says that an interrupt is safe
-    let cancel = interrupt::listen()?;
+    let interrupts = interrupt::listen()?;
     if !options.quiet {
         for warning in &loaded.warnings {
-            eprintln!("warning: {warning}");
+            tell(&format!("warning: {warning}"));
         }
         print(&summary::effects(&loaded.scene.effects));
     }
@@ -90,7 +80,7 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
             time: options.time.map(duration),
             target_error: options.target_error,
         },
-        cancel,
+        interrupts,
         loaded: &loaded,
     };
     let threads = pool.current_num_threads();
@@ -149,23 +139,22 @@ fn targets(options: &RenderOptions, loaded: &Loaded, sensor: usize, several: boo
     }
 }
 
-/// All places are tried before hours are spent.
-fn check_targets(options: &RenderOptions, targets: &[Targets]) -> Result<(), CliError> {
+/// All places are tried before hours are spent, and none of them may be what was read.
+fn check_targets(
+    options: &RenderOptions,
+    loaded: &Loaded,
+    targets: &[Targets],
+) -> Result<(), CliError> {
+    for target in targets {
+        check_ending(&target.image)?;
+    }
+    let mut claims = Claims::of_inputs(&loaded.files);
     let images = targets
         .iter()
         .flat_map(|t| [Some(&t.image), t.preview.as_ref(), t.spectral.as_ref()]);
-    let mut seen = BTreeSet::new();
-    for path in images
-        .chain([options.part.as_ref(), options.stats.as_ref()])
-        .flatten()
-    {
-        check_writable(path)?;
-        if !seen.insert(path) {
-            return Err(CliError::Usage(format!(
-                "{} would be written twice",
-                path.display()
-            )));
-        }
+    let all = images.chain([options.part.as_ref(), options.stats.as_ref()]);
+    for path in all.flatten() {
+        claims.output(path)?;
     }
     Ok(())
 }
@@ -221,33 +210,7 @@ fn check_memory(
         .map(|c| film_bytes(c.pixels(), request))
         .max()
         .unwrap_or(0);
-    within_limit(options, films, &loaded.scene, None)
-}
-
-/// Whether films, meshes, textures and photons fit into what is allowed.
-fn within_limit(
-    options: &RenderOptions,
-    films: u64,
-    scene: &Scene,
-    photons: Option<&PhotonMemory>,
-) -> Result<(), CliError> {
-    let photon_bytes = photons.map_or(0, PhotonMemory::bytes);
-    let needed = films
-        .saturating_add(geometry_bytes(scene))
-        .saturating_add(texture_bytes(scene))
-        .saturating_add(photon_bytes);
-    let Some(limit) = options.max_memory.filter(|&limit| needed > limit) else {
-        return Ok(());
-    };
-    let what = if photons.is_some() {
-        "films, meshes, textures and photons"
-    } else {
-        "films, meshes and textures"
-    };
-    let (needed, limit) = (bytes_text(needed), bytes_text(limit));
-    Err(CliError::Failed(format!(
-        "{what} need {needed}, --max-memory allows {limit}"
-    )))
+    within_limit(options.max_memory, films, &loaded.scene, None)
 }
 
 impl Job<'_> {
@@ -285,9 +248,9 @@ impl Job<'_> {
             outputs: self.request.clone(),
             passes: Some(self.passes.clone()),
             stop: self.rules,
-            cancel: self.cancel.clone(),
+            cancel: self.interrupts.cancel().clone(),
             live: false,
-            save_interval: Some(SAVE_INTERVAL),
+            save_interval: Some(save::first_interval(options)),
         };
         let scene = Arc::clone(&loaded.scene);
         let mut session = Session::new(scene, &loaded.settings, session_options)?;
@@ -313,7 +276,7 @@ impl Job<'_> {
                 print(&summary::merging(radius, &memory));
             }
             let films = film_bytes(crop.pixels(), &self.request);
-            within_limit(options, films, &loaded.scene, Some(&memory))?;
+            within_limit(options.max_memory, films, &loaded.scene, Some(&memory))?;
             if !memory.is_addressable() {
                 return Err(CliError::Failed(
                     "a pass would have more than 4 billion photons: render with a smaller --crop"
@@ -331,16 +294,28 @@ impl Job<'_> {
         ));
         let bar = Arc::clone(&progress);
         session.observe(move |tiles| bar.tile(tiles));
-        let stop = session.run_with(|session, state| {
-            progress.pass(state);
-            if state.save_is_due {
-                self.save(&session.render(), &guides, targets)?;
+        let mut saver = Saver::new(options, targets, &guides, &self.interrupts);
+        let stop = loop {
+            let state = session.step();
+            if state.pass.is_some() {
+                progress.pass(&state);
             }
-            Ok::<_, CliError>(ControlFlow::Continue(()))
-        })?;
+            if state.pass.is_some() && state.passes == PASSES_TO_SEE {
+                self.warn_of_black(&session.render());
+            }
+            if state.save_is_due {
+                saver.save(&mut session);
+            }
+            if let Some(reason) = state.stop {
+                break reason;
+            }
+        };
         progress.clear();
         let render = session.render();
-        self.save(&render, &guides, targets)?;
+        let preview = saver.finish(&render)?;
+        if (render.passes().len() as u64) < PASSES_TO_SEE {
+            self.warn_of_black(&render);
+        }
         let mut stats = SensorStats::new(
             &loaded.scene.sensors[sensor].name,
             &render,
@@ -350,40 +325,45 @@ impl Job<'_> {
         );
         stats.forecast = session.forecast(options.target_error);
         if !options.quiet {
-            let exposure = targets
-                .preview
-                .as_deref()
-                .map(|path| (path, options.exposure));
-            print(&summary::sensor(&targets.image, exposure, &stats));
+            let preview = preview.as_deref();
+            print(&summary::sensor(
+                &targets.image,
+                preview,
+                &stats,
+                &loaded.scene,
+            ));
         }
         Ok(stats)
+    }
+
+    /// Warns of an image without any light: even where nothing else is printed, since hours may
+    /// follow.
+    fn warn_of_black(&self, render: &Render) {
+        if render.xyz().iter().all(|v| *v == 0.0) {
+            let sensor = &self.loaded.scene.sensors[render.sensor()];
+            tell(&format!(
+                "warning: the image of sensor \"{}\" is black: no light has reached it (is it inside \
+                 of a body, behind one, or turned away from all light?)",
+                sensor.name
+            ));
+        }
     }
 
     /// Continues with what the part file holds, if it is there.
     fn resume(&self, session: &mut Session) -> Result<(), CliError> {
         match self.options.part.as_deref().filter(|p| p.exists()) {
-            Some(path) => Ok(part::resume(session, path)?),
-            None => Ok(()),
+            Some(path) => part::resume(session, path)?,
+            None => return Ok(()),
         }
-    }
-
-    fn save(&self, render: &Render, guides: &[Guide], targets: &Targets) -> Result<(), CliError> {
-        if render.passes().is_empty() {
-            return Err(CliError::Failed("there is no pass to render".to_owned()));
-        }
-        let mut image = image::of(render);
-        layers::add(&mut image, &self.options.aov, render, guides);
-        write_image(
-            &targets.image,
-            &image,
-            targets.preview.as_deref(),
-            self.options.exposure,
-        )?;
-        if let (Some(path), Some(image)) = (&targets.spectral, image::spectral_of(render)) {
-            write_image(path, &image, None, 0.0)?;
-        }
-        if let Some(path) = &self.options.part {
-            part::write(path, &part::of(render))?;
+        if let Some((first, last)) = session.gap() {
+            let passes = if first == last {
+                format!("pass {first}")
+            } else {
+                format!("passes {first} to {last}")
+            };
+            tell(&format!(
+                "warning: {passes} will be missing between those of the part and these: render them too"
+            ));
         }
         Ok(())
     }

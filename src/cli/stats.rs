@@ -1,4 +1,5 @@
-//! Statistics as JSON: what was computed, what it cost, and the table of path classes and strategies.
+//! Statistics as JSON: what was computed, what it cost, and the table of path classes and
+//! strategies.
 
 use super::CliError;
 use super::summary::decided;
@@ -57,7 +58,7 @@ impl EpsilonStats {
     }
 }
 
-/// What merging did.
+/// Figures of merging.
 #[derive(Clone, Copy, Debug)]
 pub struct MergeStats {
     /// Radius of the first pass done, in metres.
@@ -131,9 +132,9 @@ pub struct SensorStats {
     pub forecast: Option<(f64, Forecast)>,
     /// Classes of paths with few hits, where the table of classes is kept.
     pub rarely_hit: Vec<ClassShare>,
-    /// Its cones, if it was regularized.
+    /// Cones, if the sensor was regularized.
     pub epsilon: Option<EpsilonStats>,
-    /// Its photons, if there were any.
+    /// Photons, if there were any.
     pub merging: Option<MergeStats>,
     regularization: Effect,
     table: Vec<Value>,

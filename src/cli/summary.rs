@@ -1,10 +1,12 @@
-//! What a render says of itself: effects before, a closing summary after.
+//! Summary of a render in words: effects before, a closing summary after.
 
 use super::stats::{FEW_HITS, SensorStats};
 use super::usage::bytes_text;
+use crate::medium::Boundary;
 use crate::render::forecast::Forecast;
 use crate::render::{PhotonMemory, RadiusChoice, Render};
 use crate::report::readable::{duration, percent};
+use crate::scene::Scene;
 use crate::scene::effects::{Effect, EffectKind};
 use crate::scene::regularization::Decision;
 use std::fmt::Write as _;
@@ -52,6 +54,9 @@ pub fn regularization(render: &Render) -> String {
             "epsilon", "", choice.epsilon, choice.reason
         );
     }
+    if let Some(found) = render.factors() {
+        _ = writeln!(text, "  {:<14} {:<4} {found}", "weights", "");
+    }
     text
 }
 
@@ -73,9 +78,9 @@ pub fn merging(radius: &RadiusChoice, memory: &PhotonMemory) -> String {
     )
 }
 
-/// The closing summary of one sensor; `preview` is its file and exposure.
+/// The closing summary of one sensor; `preview` is what is to be said of it.
 #[must_use]
-pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) -> String {
+pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats, scene: &Scene) -> String {
     let [width, height] = stats.size;
     let mut text = format!(
         "{}: {width} x {height} pixels, {} passes, {}\n",
@@ -83,12 +88,8 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
         stats.passes.len(),
         stats.stop.text()
     );
-    if let Some((path, exposure_ev)) = preview {
-        _ = writeln!(
-            text,
-            "  preview   {}, exposure {exposure_ev:+} EV",
-            path.display()
-        );
+    if let Some(preview) = preview {
+        _ = writeln!(text, "  preview   {preview}");
     }
     let wall = stats.wall.as_secs_f64();
     let cpu = stats
@@ -141,16 +142,14 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
             merging.wavelengths.largest_gap_nm,
         );
     }
+    let unexpected = unexpected(stats, scene);
     let trouble = [
         (
             stats.non_finite,
             "contributions were not finite and left out",
         ),
         (stats.saturated, "contributions were too large and left out"),
-        (
-            stats.counters.medium_mismatches,
-            "surfaces were met from an unexpected medium (is a solid open?)",
-        ),
+        (stats.counters.medium_mismatches, unexpected.as_str()),
         (
             stats.counters.nesting_overflows,
             "paths were cut because too many solids are nested",
@@ -162,7 +161,23 @@ pub fn sensor(image: &Path, preview: Option<(&Path, f64)>, stats: &SensorStats) 
     text
 }
 
-/// What a smaller error would take.
+/// Whose surfaces were met from an unexpected medium, and why that may be.
+fn unexpected(stats: &SensorStats, scene: &Scene) -> String {
+    let mut text = "surfaces were met from an unexpected medium".to_owned();
+    if let Some(id) = stats.counters.mismatched {
+        let object = scene.object(id);
+        let cause = match object.boundary {
+            Boundary::Interface { .. } => {
+                "is what it names as the medium on each side really there?"
+            }
+            _ => "does its mesh cross itself, or does a light or sensor reach into it?",
+        };
+        _ = write!(text, ", such as those of \"{}\" ({cause})", object.name);
+    }
+    text
+}
+
+/// Time that a smaller error would take.
 fn accuracy(stats: &SensorStats) -> String {
     let (Some(error), Some((target, forecast))) = (stats.error, stats.forecast) else {
         return String::new();

@@ -1,8 +1,8 @@
 //! Reconstruction filters.
 //!
-//! A filter is a density over the offset from a pixel's centre, in pixels, that integrates to 1. Camera samples are
-//! drawn from it and count with weight 1; splats are multiplied by it. None is negative, so weights stay a partition of
-//! unity and images have no negative ringing.
+//! A filter is a density over the offset from a pixel's centre, in pixels, that integrates to 1.
+//! Camera samples are drawn from it and count with weight 1; splats are multiplied by it. None is
+//! negative, so weights stay a partition of unity and images have no negative ringing.
 
 use glam::DVec2;
 use std::f64::consts::TAU;

@@ -1,22 +1,24 @@
 //! Sums in fixed point, so that the order of addition does not matter.
 //!
-//! Each value is rounded once to a multiple of 2⁻⁶⁴ and added as a 128-bit integer held in two atomic words. Integer
-//! addition is associative and a carry may arrive late, so any number of threads in any order leave the same bits.
+//! Each value is rounded once to a multiple of 2⁻⁶⁴ and added as a 128-bit integer held in two
+//! atomic words. Integer addition is associative and a carry may arrive late, so any number of
+//! threads in any order leave the same bits.
 
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering::Relaxed};
 
 /// Multiples of the quantum in 1.
 const PER_UNIT: f64 = 18_446_744_073_709_551_616.0;
 
-/// Largest absolute value that can be added. A sum holds up to 2⁶³, that is at least 32 768 of the largest values.
+/// Largest absolute value that can be added. A sum holds up to 2⁶³, that is at least 32 768 of the
+/// largest values.
 pub const MAX_VALUE: f64 = 281_474_976_710_656.0;
 
 /// Why a value cannot be added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unrepresentable {
-    /// It is infinite or not a number.
+    /// Infinite or not a number.
     NotFinite,
-    /// It is larger than [`MAX_VALUE`].
+    /// Larger than [`MAX_VALUE`].
     TooLarge,
 }
 
@@ -48,7 +50,8 @@ pub struct FixedSum {
 }
 
 impl FixedSum {
-    /// Adds a quantized value. Whether the sum is still in range: `false` is an overflow that spoils it.
+    /// Adds a quantized value. Whether the sum is still in range: `false` is an overflow that
+    /// spoils it.
     pub fn add(&self, value: i128) -> bool {
         if value == 0 {
             return true;

@@ -1,7 +1,7 @@
 //! The film: sums per pixel that do not depend on the order of addition.
 //!
-//! Passes of even and odd number go into two halves, whose difference tells the error. All values are sums; dividing by
-//! the number of passes gives the image.
+//! Passes of even and odd number go into two halves, whose difference tells the error. All values
+//! are sums; dividing by the number of passes gives the image.
 
 pub mod filter;
 pub mod fixed;
@@ -100,8 +100,9 @@ const ERROR_WINDOW: u32 = 3;
 
 /// Sums of one image with `channels` channels (3 for XYZ), in two halves (even and odd passes).
 ///
-/// Threads add concurrently; each value is rounded to a 128-bit fixed-point integer, so any order gives the same bits.
-/// A contribution with a value that cannot be added is left out as a whole and counted.
+/// Threads add concurrently; each value is rounded to a 128-bit fixed-point integer, so any order
+/// gives the same bits. A contribution with a value that cannot be added is left out as a whole and
+/// counted.
 #[derive(Debug)]
 pub struct Film {
     crop: Crop,
@@ -155,16 +156,16 @@ impl Film {
         }
     }
 
-    /// Adds to one pixel (absolute film coordinates; nothing happens outside the crop) of half `half` (0 or 1). One value
-    /// per channel.
+    /// Adds to one pixel (absolute film coordinates; nothing happens outside the crop) of half
+    /// `half` (0 or 1). One value per channel.
     pub fn add_pixel(&self, x: u32, y: u32, half: usize, values: &[f64]) {
         if self.crop.contains(x, y) {
             self.add_scaled(x, y, half, values, 1.0);
         }
     }
 
-    /// Adds a splat at a raster position: every pixel p in the filter's reach gets value × f_p(raster) × pixel area.
-    /// Positions outside the film count as far as they reach into it.
+    /// Adds a splat at a raster position: every pixel p in the filter's reach gets value ×
+    /// f_p(raster) × pixel area. Positions outside the film count as far as they reach into it.
     pub fn add_splat(&self, raster: DVec2, half: usize, values: &[f64]) {
         if !raster.is_finite() {
             self.not_finite.fetch_add(1, Relaxed);
@@ -230,7 +231,8 @@ impl Film {
         &self.sums[half * length..(half + 1) * length]
     }
 
-    /// Sum of both halves / number of passes, per pixel and channel, row by row. Black without passes.
+    /// Sum of both halves / number of passes, per pixel and channel, row by row. Black without
+    /// passes.
     #[must_use]
     pub fn image(&self, passes: u64) -> Vec<f64> {
         let scale = mean_scale(passes);
@@ -241,7 +243,8 @@ impl Film {
             .collect()
     }
 
-    /// Image of the even passes minus that of the odd ones, one channel per pixel, row by row. `None` while a half has no passes.
+    /// Image of the even passes minus that of the odd ones, one channel per pixel, row by row.
+    /// `None` while a half has no passes.
     #[must_use]
     pub fn half_difference(
         &self,
@@ -264,11 +267,11 @@ impl Film {
         Some(pairs.map(|(e, o)| e * even - o * odd).collect())
     }
 
-    /// One sample of the standard error of [`Film::image`] per pixel of one channel, with a sign: its square has the variance of
-    /// the image as its mean. `None` while a half has no passes.
+    /// One sample of the standard error of [`Film::image`] per pixel of one channel, with a sign:
+    /// its square has the variance of the image as its mean. `None` while a half has no passes.
     ///
-    /// With pₑ and pₒ passes, Var(E − O) = σ²(1/pₑ + 1/pₒ) and the image has variance σ²/(pₑ + pₒ), so the factor
-    /// between them is pₑ pₒ/(pₑ + pₒ)².
+    /// With pₑ and pₒ passes, Var(E − O) = σ²(1/pₑ + 1/pₒ) and the image has variance σ²/(pₑ + pₒ),
+    /// so the factor between them is pₑ pₒ/(pₑ + pₒ)².
     #[must_use]
     pub fn noise(&self, channel: usize, passes_even: u64, passes_odd: u64) -> Option<Vec<f64>> {
         let mut noise = self.half_difference(channel, passes_even, passes_odd)?;
@@ -278,8 +281,9 @@ impl Film {
         Some(noise)
     }
 
-    /// Standard error of one channel of [`Film::image`] per pixel, row by row: the square of [`Film::noise`] averaged over 7 × 7
-    /// pixels (fewer at the border). `None` while a half has no passes.
+    /// Standard error of one channel of [`Film::image`] per pixel, row by row: the square of
+    /// [`Film::noise`] averaged over 7 × 7 pixels (fewer at the border). `None` while a half has no
+    /// passes.
     #[must_use]
     pub fn standard_error(
         &self,
@@ -343,8 +347,8 @@ impl Film {
         Ok(())
     }
 
-    /// Moves the sums and counts of another film of the same size into this one and leaves it empty. A sum that would
-    /// overflow stays as it was and counts as saturated.
+    /// Moves the sums and counts of another film of the same size into this one and leaves it
+    /// empty. A sum that would overflow stays as it was and counts as saturated.
     pub fn take(&mut self, other: &mut Self) {
         debug_assert!(self.sums.len() == other.sums.len());
         for (sum, more) in self.sums.iter_mut().zip(&mut other.sums) {

@@ -25,10 +25,10 @@ pub struct AccelAt<'a> {
 }
 
 #[derive(Debug)]
-struct Top {
-    tree: Tree,
+pub(super) struct Top {
+    pub(super) tree: Tree,
     /// The instance of each leaf of the tree.
-    order: Vec<u32>,
+    pub(super) order: Vec<u32>,
     bounds: (DVec3, DVec3),
 }
 
@@ -98,6 +98,10 @@ impl Accel {
         &self.instances
     }
 
+    pub(super) fn top(&self) -> Option<&Top> {
+        self.top.as_ref()
+    }
+
     /// World bounds over the whole shutter; `None` without any instance.
     #[must_use]
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
@@ -161,6 +165,19 @@ impl<'a> AccelAt<'a> {
     #[must_use]
     #[inline]
     pub fn occluded(&self, ray: &Ray, opaque: impl Fn(InstanceId) -> bool) -> bool {
+        self.any(ray, opaque, |_| true)
+    }
+
+    /// Whether an instance is hit for which `stops` says true then, among those for which `visible`
+    /// does. It is asked about instances that are hit until it says so, in any order.
+    #[must_use]
+    #[inline]
+    pub fn any(
+        &self,
+        ray: &Ray,
+        visible: impl Fn(InstanceId) -> bool,
+        mut stops: impl FnMut(InstanceId) -> bool,
+    ) -> bool {
         let Some(top) = &self.accel.top else {
             return false;
         };
@@ -172,24 +189,25 @@ impl<'a> AccelAt<'a> {
             |_| (),
             |leaf| {
                 let instance = InstanceId(top.order[leaf.start as usize]);
-                if !opaque(instance) {
+                if !visible(instance) {
                     return false;
                 }
                 let Instance { shape, transform } = self.accel.instance(instance);
                 let placement = transform.at(self.moment);
                 let to_object = &placement.to_object;
                 let local = LocalRay::new(ray, instance, to_object, ray.t_max, shape.extent());
-                match shape {
+                let is_hit = match shape {
                     Shape::Mesh(mesh) => mesh.occluded(&local, self.moment.time()),
                     Shape::Deforming(mesh) => mesh.occluded(&local, self.moment.time()),
                     _ => shape.analytic_hit(&local).is_some(),
-                }
+                };
+                is_hit && stops(instance)
             },
         )
     }
 
-    /// Derivatives of the position by the texture coordinates at a surface point, in world space; `None` where there are
-    /// none.
+    /// Derivatives of the position by the texture coordinates at a surface point, in world space;
+    /// `None` where there are none.
     #[must_use]
     pub fn tangents(&self, point: &SurfacePoint) -> Option<[DVec3; 2]> {
         let instance = self.accel.instance(point.id.instance);

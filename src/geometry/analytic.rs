@@ -1,8 +1,9 @@
 //! Intersection of the analytic unit shapes, in their own space.
 //!
-//! Roots come from the rejected vector (the foot of the perpendicular from the center to the line), which keeps its
-//! precision however far away the ray starts (Haines et al., Ray Tracing Gems, 2019, chapter 7). An end of the ray that lies on a curved
-//! shape is taken to be exactly on it: its own root is then zero by definition and the other has a closed form.
+//! Roots come from the rejected vector (the foot of the perpendicular from the center to the line),
+//! which keeps its precision however far away the ray starts (Haines et al., Ray Tracing Gems,
+//! 2019, chapter 7). An end of the ray that lies on a curved shape is taken to be exactly on it:
+//! its own root is then zero by definition and the other has a closed form.
 
 use super::ray::LocalRay;
 use glam::{DVec2, DVec3};
@@ -12,28 +13,38 @@ pub(super) type FaceHit = (f64, u32);
 
 /// The sphere of radius 1 about the origin.
 pub(super) fn sphere(ray: &LocalRay) -> Option<FaceHit> {
-    let approach = ray.d.length();
+    let approach = |t| approach(ray, ray.at(t), ray.d);
     let roots = unit_roots(ray.o, ray.d, ray);
     roots
         .into_iter()
-        .find(|&t| ray.counts(t, approach))
+        .find(|&t| ray.counts(t, approach(t)))
         .map(|t| (t, 0))
 }
 
 /// The open cylinder of radius 1 about z, -1 <= z <= 1.
 pub(super) fn cylinder(ray: &LocalRay) -> Option<FaceHit> {
     let flat = |v: DVec3| v.with_z(0.0);
-    let approach = ray.d.length();
+    let approach = |t| approach(ray, flat(ray.at(t)), flat(ray.d));
     let roots = unit_roots(flat(ray.o), flat(ray.d), ray);
     let inside = |t: f64| (ray.o.z + ray.d.z * t).abs() <= 1.0;
     roots
         .into_iter()
-        .find(|&t| inside(t) && ray.counts(t, approach))
+        .find(|&t| inside(t) && ray.counts(t, approach(t)))
         .map(|t| (t, 0))
 }
 
-/// Parameters, in order, at which the line is at distance 1 from the origin; NaN for those that do not exist or that
-/// are an end of the ray on this shape.
+/// How fast a ray nears a curved shape where its normal is `n`. The other root of the shape that an
+/// end lies on has a closed form, and is told from the end however flat the chord is.
+fn approach(ray: &LocalRay, n: DVec3, d: DVec3) -> f64 {
+    if ray.start.is_some() || ray.end.is_some() {
+        d.length()
+    } else {
+        n.dot(d).abs()
+    }
+}
+
+/// Parameters, in order, at which the line is at distance 1 from the origin; NaN for those that do
+/// not exist or that are an end of the ray on this shape.
 fn unit_roots(o: DVec3, d: DVec3, ray: &LocalRay) -> [f64; 2] {
     let none = f64::NAN;
     let inv_d2 = 1.0 / d.length_squared();
@@ -53,7 +64,8 @@ fn unit_roots(o: DVec3, d: DVec3, ray: &LocalRay) -> [f64; 2] {
     }
 }
 
-/// Where the ray meets the part of the plane z = 0 that is `inside`, if that plane is not an end of it.
+/// Where the ray meets the part of the plane z = 0 that is `inside`, if that plane is not an end of
+/// it.
 fn plane(ray: &LocalRay, inside: impl Fn(DVec2) -> bool) -> Option<FaceHit> {
     let t = -ray.o.z / ray.d.z;
     let named = ray.start.is_some() || ray.end.is_some();
@@ -78,7 +90,8 @@ pub(super) fn cube_normal(face: u32) -> DVec3 {
     if face.is_multiple_of(2) { -axis } else { axis }
 }
 
-/// The cube -1..1. A convex solid: a ray that starts on it can only leave it, through a face other than its own.
+/// The cube -1..1. A convex solid: a ray that starts on it can only leave it, through a face other
+/// than its own.
 pub(super) fn cube(ray: &LocalRay) -> Option<FaceHit> {
     let (mut enter, mut leave) = ((f64::NEG_INFINITY, 0), (f64::INFINITY, 0));
     for (axis, face) in [(0, 0u32), (1, 2), (2, 4)] {

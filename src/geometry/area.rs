@@ -1,8 +1,8 @@
 //! Sampling of placed shapes by area, for those that emit.
 //!
-//! A map with matrix M stretches the area about a point with unit object normal n by |det M| |M^-T n|. Points are sampled
-//! uniformly over the area in object space (of a deforming mesh: over each triangle), so the density per world area is
-//! 1 / (object area · stretch) under any affine map.
+//! A map with matrix M stretches the area about a point with unit object normal n by |det M| |M^-T
+//! n|. Points are sampled uniformly over the area in object space (of a deforming mesh: over each
+//! triangle), so the density per world area is 1 / (object area · stretch) under any affine map.
 
 use super::analytic;
 use super::instance::to_world;
@@ -49,8 +49,9 @@ impl Shape {
 }
 
 impl Instance {
-    /// World area at a moment. Exact, except for spheres and cylinders under unequal scaling: relative error below 1e-4
-    /// for ratios of the axes up to 100. Takes time linear in the triangles of a mesh under unequal scaling.
+    /// World area at a moment. Exact, except for spheres and cylinders under unequal scaling:
+    /// relative error below 1e-4 for ratios of the axes up to 100. Takes time linear in the
+    /// triangles of a mesh under unequal scaling.
     #[must_use]
     pub fn area<'a>(&'a self, moment: impl Into<Moment<'a>>) -> f64 {
         let moment = moment.into();
@@ -87,7 +88,8 @@ impl Instance {
 }
 
 impl AreaSampler {
-    /// The sampler of a shape. Takes time and memory linear in the triangles of a mesh; copies share the memory.
+    /// The sampler of a shape. Takes time and memory linear in the triangles of a mesh; copies
+    /// share the memory.
     #[must_use]
     pub fn new(shape: &Shape) -> Self {
         let table = match shape {
@@ -106,8 +108,8 @@ impl AreaSampler {
         self.triangles.as_ref()
     }
 
-    /// A point of `instance`, whose shape this is the sampler of: `u` in [0,1)², `u_face` chooses the face or triangle.
-    /// Takes constant time.
+    /// A point of `instance`, whose shape this is the sampler of: `u` in [0,1)², `u_face` chooses
+    /// the face or triangle. Takes constant time.
     #[must_use]
     pub fn sample<'a>(
         &self,
@@ -190,8 +192,8 @@ impl AreaSampler {
         shape.local_point(prim, p, DVec2::ZERO, time)
     }
 
-    /// 1 / the density per object area with which points of face `prim` are sampled: the area, except of a deforming mesh,
-    /// where it is infinite while the triangle has no area.
+    /// 1 / the density per object area with which points of face `prim` are sampled: the area,
+    /// except of a deforming mesh, where it is infinite while the triangle has no area.
     #[inline]
     fn inverse_density(&self, shape: &Shape, prim: u32, time: f64) -> f64 {
         match (shape, &self.triangles) {
@@ -291,7 +293,8 @@ mod tests {
                 }
                 let estimate = area / f64::from(n * n);
                 let exact = instance.area(0.0);
-                // A grid of 40000 points: the quadrature and the choice of faces err by less than 1e-3.
+                // A grid of 40000 points: the quadrature and the choice of faces err by less than
+                // 1e-3.
                 assert!(
                     (estimate / exact - 1.0).abs() < 1e-3,
                     "{shape:?} {scale}: {estimate} {exact}"

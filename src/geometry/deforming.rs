@@ -1,9 +1,11 @@
-//! Meshes whose vertices move: positions and normals keyed over time, interpolated linearly at the time of a ray.
+//! Meshes whose vertices move: positions and normals keyed over time, interpolated linearly at the
+//! time of a ray.
 //!
-//! At each time the vertices are rounded to f32 like those of any mesh, every one in the same way for all its triangles, so
-//! that the surface is as watertight as a [`super::Mesh`]. The tree holds swept boxes, which are exact for vertices that move along
-//! lines. Where triangles move far in comparison to their size, boxes overlap and rays test many triangles in vain; the
-//! shutter is then cut into segments with a tree each, as many as measured tests per ray pay for.
+//! At each time the vertices are rounded to f32 like those of any mesh, every one in the same way
+//! for all its triangles, so that the surface is as watertight as a [`super::Mesh`]. The tree holds
+//! swept boxes, which are exact for vertices that move along lines. Where triangles move far in
+//! comparison to their size, boxes overlap and rays test many triangles in vain; the shutter is
+//! then cut into segments with a tree each, as many as measured tests per ray pay for.
 
 use super::mesh::{Attributes, Corners, CornersAt, MeshError, TriangleMesh, check, vec};
 use super::ray::LocalRay;
@@ -37,7 +39,7 @@ pub enum DeformingError {
     Mesh {
         /// Which frame, from 0.
         frame: usize,
-        /// What is wrong.
+        /// Fault of the key.
         source: MeshError,
     },
     /// No frames, or times that do not rise.
@@ -48,7 +50,7 @@ pub enum DeformingError {
     WrongCount {
         /// Which frame, from 0.
         frame: usize,
-        /// Its vertices.
+        /// Number of its vertices.
         count: usize,
         /// Those of the first.
         expected: usize,
@@ -102,11 +104,12 @@ const WORTHWHILE: f64 = 0.65;
 /// Rays by which tests are measured.
 const TRIAL_RAYS: u64 = 512;
 
-/// The mesh of `frames` (at ascending times, held before the first and after the last) with the same triangles over `shutter`:
-/// an ordinary one if it does not change while the shutter is open.
+/// The mesh of `frames` (at ascending times, held before the first and after the last) with the
+/// same triangles over `shutter`: an ordinary one if it does not change while the shutter is open.
 ///
 /// # Errors
-/// [`DeformingError`] if the frames differ in their vertices, their times do not rise, or one of them is no mesh.
+/// [`DeformingError`] if the frames differ in their vertices, their times do not rise, or one of
+/// them is no mesh.
 pub fn shape(
     frames: &[KeyFrame],
     uvs: Option<Vec<[f32; 2]>>,
@@ -231,7 +234,8 @@ fn triangle(from: &Key, to: &Key, u: f64, prim: u32) -> Triangle {
 impl Corners for Keyed {
     type At<'a> = Between<'a>;
 
-    // interpolation in f32 errs by less than 7 units of the extent, which the filter's own bound would not hold
+    // interpolation in f32 errs by less than 7 units of the extent, which the filter's own bound
+    // would not hold
     const FILTER_EXTENT: f64 = 2.0;
 
     #[inline]
@@ -421,7 +425,8 @@ fn keys(frames: &[KeyFrame], triangles: &[[u32; 3]]) -> Vec<Key> {
     frames.iter().map(key).collect()
 }
 
-/// Renumbers triangles and vertices in the order of the leaves of the only tree: what is tested together is near in memory.
+/// Renumbers triangles and vertices in the order of the leaves of the only tree: what is tested
+/// together is near in memory.
 fn sort(
     order: &mut [u32],
     triangles: &mut Vec<[u32; 3]>,

@@ -3,12 +3,14 @@
 use super::{SurfaceId, SurfacePoint};
 use glam::DVec3;
 
-/// A point of a light or sensor. For lights at infinity `p` is meaningless and `n` is the direction the light travels.
+/// A point of a light or sensor. For lights at infinity `p` is meaningless and `n` is the direction
+/// the light travels.
 #[derive(Clone, Copy, Debug)]
 pub struct EndPoint {
     /// Position in world space.
     pub p: DVec3,
-    /// Unit normal of the emitting or receiving side (area lights, detectors, lenses); zero for point lights and pinholes.
+    /// Unit normal of the emitting or receiving side (area lights, detectors, lenses); zero for
+    /// point lights and pinholes.
     pub n: DVec3,
     /// The face, if it is part of the scene's geometry.
     pub surface: Option<SurfaceId>,
@@ -63,17 +65,20 @@ impl EndPoint {
     }
 }
 
-/// Density of the direction in which a sub-path leaves its end point, which fixes the area density of the next vertex.
+/// Density of the direction in which a sub-path leaves its end point, which fixes the area density
+/// of the next vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DirectionalDensity {
     /// Per steradian at the end point: area density `pdf · cosθ / d²` at the next vertex.
     SolidAngle(f64),
-    /// Per area perpendicular to the (fixed or already counted) direction: area density `pdf · cosθ` at the next vertex.
+    /// Per area perpendicular to the (fixed or already counted) direction: area density `pdf ·
+    /// cosθ` at the next vertex.
     Perpendicular(f64),
 }
 
 impl DirectionalDensity {
-    /// Area density at the next vertex, at distance² `d2`, whose normal makes `cos` (absolute value) with the segment.
+    /// Area density at the next vertex, at distance² `d2`, whose normal makes `cos` (absolute
+    /// value) with the segment.
     #[must_use]
     pub fn area_density(self, cos: f64, d2: f64) -> f64 {
         match self {

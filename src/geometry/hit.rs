@@ -1,9 +1,10 @@
-//! What a ray hits, first as bare ids, then as full local geometry.
+//! Hits of rays, first as bare ids, then as full local geometry.
 
 use super::InstanceId;
 use glam::{DVec2, DVec3};
 
-/// One face of one instance. (Where a line can meet the face twice, the point on it tells the root.)
+/// One face of one instance. (Where a line can meet the face twice, the point on it tells the
+/// root.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SurfaceId {
     /// The instance.
@@ -17,7 +18,7 @@ pub struct SurfaceId {
 pub struct Hit {
     /// Distance along the (unit) ray direction, in world units.
     pub t: f64,
-    /// What was hit.
+    /// Surface that was hit.
     pub id: SurfaceId,
     /// Barycentric weights of the second and third vertex on a mesh, zero elsewhere.
     pub uv: DVec2,
@@ -30,7 +31,8 @@ pub struct SurfacePoint {
     pub p: DVec3,
     /// Unit geometric normal: outward for closed shapes and counter-clockwise meshes.
     pub ng: DVec3,
-    /// Unit shading normal, on the same side as `ng` by construction (interpolated mesh normals; else = `ng`).
+    /// Unit shading normal, on the same side as `ng` by construction (interpolated mesh normals;
+    /// else = `ng`).
     pub ns: DVec3,
     /// Texture coordinates.
     pub uv: DVec2,

@@ -1,9 +1,10 @@
 //! Triangle meshes: vertices in f32, intersected watertight in f64.
 //!
-//! A mesh is its corners ([`Corners`]: at rest, or keyed over time) and what its triangles have whenever it is. All that is
-//! asked of it is asked of its corners at one moment ([`CornersAt`]), which are those of a mesh like any other: for a mesh
-//! at rest the moment is no more than a reference. Corners take 36 bytes per triangle and key, in the order of the leaves
-//! of the tree, and the tree about 5; indices are kept only where normals or texture coordinates need them.
+//! A mesh is its corners ([`Corners`]: at rest, or keyed over time) and what its triangles have
+//! whenever it is. All that is asked of it is asked of its corners at one moment ([`CornersAt`]),
+//! which are those of a mesh like any other: for a mesh at rest the moment is no more than a
+//! reference. Corners take 36 bytes per triangle and key, in the order of the leaves of the tree,
+//! and the tree about 5; indices are kept only where normals or texture coordinates need them.
 
 use super::ray::LocalRay;
 use super::shape::LocalPoint;
@@ -60,7 +61,7 @@ pub(super) trait CornersAt: Copy {
 }
 
 /// A triangle mesh with its trees.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct TriangleMesh<C> {
     pub(super) corners: C,
     pub(super) attributes: Option<Attributes>,
@@ -69,7 +70,7 @@ pub struct TriangleMesh<C> {
 }
 
 /// Attributes of vertices that do not change over time.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Attributes {
     /// Vertices of each triangle.
     pub indices: Vec<[u32; 3]>,
@@ -103,7 +104,7 @@ pub enum MeshError {
     WrongCount {
         /// Which array.
         array: &'static str,
-        /// Its entries.
+        /// Number of entries.
         count: usize,
         /// The positions.
         positions: usize,
@@ -154,10 +155,27 @@ impl<C: Corners> TriangleMesh<C> {
         self.corners.bytes() + attributes
     }
 
-    /// Whether every edge is shared by two triangles of opposite winding. Vertices count as one where their positions
-    /// agree at all keys, so that seams in the normals or texture coordinates are no holes. Takes time n log n.
+    /// Six times the volume that the mesh encloses at its first key, in object space; negative
+    /// where it is wound inwards.
     #[must_use]
-    pub fn is_closed(&self) -> bool {
+    pub fn signed_volume(&self) -> f64 {
+        let middle = (self.bounds.0 + self.bounds.1) / 2.0;
+        let Some(at) = self.corners.keys().next() else {
+            return 0.0;
+        };
+        let part = |prim: u32| {
+            let [a, b, c] = at.triangle(prim).map(|p| vec(p) - middle);
+            a.dot(b.cross(c))
+        };
+        (0..self.corners.len() as u32).map(part).sum()
+    }
+
+    /// An edge that is not shared by two triangles of opposite winding, from vertex to vertex in
+    /// object space at the first key; `None` where the mesh is closed. Vertices count as one where
+    /// their positions agree at all keys, so that seams in the normals or texture coordinates are
+    /// no holes. Takes time n log n.
+    #[must_use]
+    pub fn open_edge(&self) -> Option<[DVec3; 2]> {
         let count = 3 * self.corners.len();
         // Adding 0 turns -0 into 0.
         let key = |v: u32| {
@@ -172,7 +190,18 @@ impl<C: Corners> TriangleMesh<C> {
             let step = u32::from(!key(pair[0]).eq(key(pair[1])));
             welded[pair[1] as usize] = welded[pair[0] as usize] + step;
         }
-        edges_pair_up(welded.as_chunks::<3>().0.iter().copied())
+        let edge = unpaired_edge(welded.as_chunks::<3>().0.iter().copied())?;
+        let first = self.corners.keys().next()?;
+        let corner = |v: u32| vec(first.triangle(v / 3)[v as usize % 3]);
+        let place = |w: u32| welded.iter().position(|&of| of == w);
+        let [a, b] = edge.map(place);
+        Some([corner(a? as u32), corner(b? as u32)])
+    }
+
+    /// Whether every edge is shared by two triangles of opposite winding. Takes time n log n.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.open_edge().is_none()
     }
 
     /// Largest coordinate in object space over the shutter.
@@ -240,7 +269,30 @@ impl<C: Corners> TriangleMesh<C> {
         })
     }
 
-    /// The point of triangle `prim` with barycentric `weights` of its second and third vertex, at `time`.
+    /// Calls `found` for every triangle that is hit, with the barycentric weights of its second and
+    /// third vertex.
+    pub(super) fn each(&self, ray: &LocalRay, time: f64, mut found: impl FnMut(u32, DVec2)) {
+        let corners = self.corners.at(time);
+        let Some(entry) = corners.tree().enter(ray.o, ray.d, ray.t_max) else {
+            return;
+        };
+        let prepared = self.prepare(ray, &entry);
+        corners.tree().any(
+            entry,
+            |_| (),
+            |leaves| {
+                for prim in leaves.map(|leaf| corners.prim(leaf)) {
+                    if let Some(hit) = hit(corners, ray, &prepared, prim, ray.t_max) {
+                        found(prim, DVec2::from(hit.weights));
+                    }
+                }
+                false
+            },
+        );
+    }
+
+    /// The point of triangle `prim` with barycentric `weights` of its second and third vertex, at
+    /// `time`.
     pub(super) fn local_point(&self, prim: u32, weights: DVec2, time: f64) -> LocalPoint {
         let at = self.corners.at(time);
         let corners = at.triangle(prim);
@@ -266,8 +318,8 @@ impl<C: Corners> TriangleMesh<C> {
         }
     }
 
-    /// Derivatives of the position of triangle `prim` at `time` by its texture coordinates; `None` where it has none or
-    /// they are degenerate.
+    /// Derivatives of the position of triangle `prim` at `time` by its texture coordinates; `None`
+    /// where it has none or they are degenerate.
     pub(super) fn tangents(&self, prim: u32, time: f64) -> Option<[DVec3; 2]> {
         let attributes = self.attributes.as_ref()?;
         let uvs = attributes.uvs.as_ref()?;
@@ -276,8 +328,8 @@ impl<C: Corners> TriangleMesh<C> {
         tangents(self.corners(prim, time), at)
     }
 
-    /// Barycentric weights of the second and third vertex at the point of triangle `prim` nearest to `p` in its plane, at
-    /// `time`.
+    /// Barycentric weights of the second and third vertex at the point of triangle `prim` nearest
+    /// to `p` in its plane, at `time`.
     pub(super) fn weights(&self, prim: u32, p: DVec3, time: f64) -> DVec2 {
         weights(self.corners(prim, time), p)
     }
@@ -331,8 +383,8 @@ fn hit(
         .then_some(hit)
 }
 
-/// Whether every edge of the triangles is shared by two of opposite winding.
-fn edges_pair_up(triangles: impl ExactSizeIterator<Item = [u32; 3]>) -> bool {
+/// An edge of the triangles that is not shared by two of opposite winding.
+fn unpaired_edge(triangles: impl ExactSizeIterator<Item = [u32; 3]>) -> Option<[u32; 2]> {
     // Each edge from its lower to its higher vertex, then its sense: closed means +, - in turn.
     let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * triangles.len());
     for w in triangles {
@@ -343,10 +395,12 @@ fn edges_pair_up(triangles: impl ExactSizeIterator<Item = [u32; 3]>) -> bool {
     edges.sort_unstable();
     edges
         .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
-        .all(|e| e.len() == 2 && e[0].2 != e[1].2)
+        .find(|e| !(e.len() == 2 && e[0].2 != e[1].2))
+        .map(|e| [e[0].0, e[0].1])
 }
 
-/// Derivatives of the position on a triangle by its texture coordinates; `None` where they are degenerate.
+/// Derivatives of the position on a triangle by its texture coordinates; `None` where they are
+/// degenerate.
 fn tangents([a, b, c]: [DVec3; 3], [i, j, k]: [DVec2; 3]) -> Option<[DVec3; 2]> {
     let (s, t) = (j - i, k - i);
     let determinant = s.perp_dot(t);
@@ -356,7 +410,8 @@ fn tangents([a, b, c]: [DVec3; 3], [i, j, k]: [DVec2; 3]) -> Option<[DVec3; 2]> 
     (du.is_finite() && dv.is_finite()).then_some([du, dv])
 }
 
-/// Barycentric weights of the second and third corner at the point of a triangle nearest to `p` in its plane.
+/// Barycentric weights of the second and third corner at the point of a triangle nearest to `p` in
+/// its plane.
 fn weights([a, b, c]: [DVec3; 3], p: DVec3) -> DVec2 {
     let (s, t, q) = (b - a, c - a, p - a);
     let (ss, st, tt) = (s.dot(s), s.dot(t), t.dot(t));

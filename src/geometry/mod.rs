@@ -1,11 +1,13 @@
 //! Where rays hit: rays, shapes, meshes, instances and the two-level tree over them.
 //!
-//! Everything is f64 except mesh vertices and tree boxes. No epsilon depends on the scale of the scene: a ray that
-//! leaves a surface names the face (and root) it left.
+//! Everything is f64 except mesh vertices and tree boxes. No epsilon depends on the scale of the
+//! scene: a ray that leaves a surface names the face (and root) it left.
 
 pub mod accel;
 mod analytic;
 pub mod area;
+pub mod coincident;
+pub mod contact;
 pub mod deforming;
 pub mod endpoint;
 pub mod hit;
@@ -25,6 +27,8 @@ mod triangles;
 
 pub use accel::{Accel, AccelAt};
 pub use area::AreaSampler;
+pub use coincident::{Face, Faces};
+pub use contact::Contact;
 pub use deforming::Deforming;
 pub use endpoint::{DirectionalDensity, EndPoint};
 pub use hit::{Hit, SurfaceId, SurfacePoint};

@@ -1,7 +1,8 @@
 //! One moment, and the placements of moving things at it.
 //!
-//! All rays of a path meet a thing at one moment, so that its placement is computed once per path, when it is first asked
-//! for. The memory belongs to the thread that follows the path; a scene has none.
+//! All rays of a path meet a thing at one moment, so that its placement is computed once per path,
+//! when it is first asked for. The memory belongs to the thread that follows the path; a scene has
+//! none.
 
 use super::motion::Placement;
 use std::cell::OnceCell;
@@ -14,8 +15,8 @@ pub struct Placements {
 }
 
 impl Placements {
-    /// The moment `time` (seconds) of a scene with `count` numbered motions. What was computed for another moment is
-    /// forgotten; a memory serves one scene only.
+    /// The moment `time` (seconds) of a scene with `count` numbered motions. What was computed for
+    /// another moment is forgotten; a memory serves one scene only.
     pub fn at(&mut self, time: f64, count: usize) -> Moment<'_> {
         if self.time != time || self.computed.len() != count {
             self.time = time;
@@ -37,7 +38,8 @@ pub struct Moment<'a> {
 }
 
 impl From<f64> for Moment<'_> {
-    /// The moment `time` (seconds), for a few questions: placements are computed each time they are asked for.
+    /// The moment `time` (seconds), for a few questions: placements are computed each time they are
+    /// asked for.
     fn from(time: f64) -> Self {
         let computed = &[];
         Self { time, computed }

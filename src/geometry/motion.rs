@@ -1,12 +1,14 @@
 //! Placement of instances, lights and cameras over the shutter.
 //!
-//! A thing that moves is placed by a chain of maps, the outermost first, some of which are keyed: a hierarchy of nodes. A
-//! product of keyed maps is not itself a keyed map, so the chain is kept and multiplied at the time asked for.
+//! A thing that moves is placed by a chain of maps, the outermost first, some of which are keyed: a
+//! hierarchy of nodes. A product of keyed maps is not itself a keyed map, so the chain is kept and
+//! multiplied at the time asked for.
 //!
-//! Bounds over time: a path x(t) whose second derivative does not exceed B strays from the chord between its ends by at
-//! most B h²/8 in a step of length h. For the product of the chain B follows link by link from bounds of |M|, |M'| and
-//! |M''| by the product rule, for all points within a radius at once, so that no case (turns beyond half a turn, scaling
-//! while turning, a center far away) is special.
+//! Bounds over time: a path x(t) whose second derivative does not exceed B strays from the chord
+//! between its ends by at most B h²/8 in a step of length h. For the product of the chain B follows
+//! link by link from bounds of M and of its first two derivatives by the product rule, for all
+//! points within a radius at once, so that no case (turns beyond half a turn, scaling while
+//! turning, a center far away) is special.
 
 use super::moment::Moment;
 use super::pose::{Pose, product_rule};
@@ -49,9 +51,9 @@ impl Placement {
 /// Where a thing is at each moment of the shutter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Transform {
-    /// It does not move.
+    /// At rest.
     Static(Placement),
-    /// It moves.
+    /// In motion.
     Moving(Box<Motion>),
 }
 
@@ -68,8 +70,8 @@ impl Transform {
         Self::Static(Placement::new(to_world))
     }
 
-    /// A thing placed by a chain of maps, the outermost first, over `shutter`; before and after, it stays where it is at
-    /// the ends. A thing that does not move within the shutter is static.
+    /// A thing placed by a chain of maps, the outermost first, over `shutter`; before and after, it
+    /// stays where it is at the ends. A thing that does not move within the shutter is static.
     #[must_use]
     pub fn chain(links: &[Link], shutter: Shutter) -> Self {
         let motion = Motion::new(links, shutter);
@@ -84,7 +86,8 @@ impl Transform {
         }
     }
 
-    /// This placement, inside a hierarchy of moving `parents` (the outermost first), over `shutter`.
+    /// This placement, inside a hierarchy of moving `parents` (the outermost first), over
+    /// `shutter`.
     #[must_use]
     pub fn under(&self, parents: &[Link], shutter: Shutter) -> Self {
         let mut links = parents.to_vec();
@@ -119,8 +122,8 @@ impl Transform {
         matches!(self, Self::Moving(_))
     }
 
-    /// The union over the shutter of boxes that hold a shape: `placed` gives the box under one map, and no point of the
-    /// shape is farther than `radius` from the origin of its own space.
+    /// The union over the shutter of boxes that hold a shape: `placed` gives the box under one map,
+    /// and no point of the shape is farther than `radius` from the origin of its own space.
     #[must_use]
     pub fn swept(
         &self,
@@ -137,7 +140,7 @@ impl Transform {
 /// One map of a chain.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Link {
-    /// It does not change.
+    /// Constant.
     Fixed(DAffine3),
     /// Keyed in its parts.
     Keyed(Pose),
@@ -173,7 +176,8 @@ fn product(links: &[Link], time: f64, before: bool) -> DAffine3 {
 
 /// Most steps that bounds are taken over between two keys, and between all together.
 const MOST_STEPS: [usize; 2] = [4096, 65_536];
-/// How far a point may stray from its chord, as a share of the size of the thing: by so much bounds are too wide.
+/// How far a point may stray from its chord, as a share of the size of the thing: by so much bounds
+/// are too wide.
 const SLACK: f64 = 1.0 / 64.0;
 
 impl Motion {
@@ -215,7 +219,8 @@ impl Motion {
         Placement::new(product(&self.links, time, false))
     }
 
-    /// Bounds of |x|, |x'| and |x''| over `a..b` (without a key inside) for all points at most `radius` from the origin.
+    /// Bounds of |x|, |x'| and |x''| over `a..b` (without a key inside) for all points at most
+    /// `radius` from the origin.
     fn derivatives(&self, a: f64, b: f64, radius: f64) -> [f64; 3] {
         let mut x = [radius, 0.0, 0.0];
         for link in self.links.iter().rev() {
@@ -281,7 +286,8 @@ impl Motion {
     }
 }
 
-/// A bound of the factor by which `m` stretches any vector: exact for rotations and scalings along the axes.
+/// A bound of the factor by which `m` stretches any vector: exact for rotations and scalings along
+/// the axes.
 fn norm_bound(m: DMat3) -> f64 {
     let gram = m.transpose() * m;
     let row_sum = |row: DVec3| row.abs().element_sum();
@@ -376,7 +382,8 @@ mod tests {
 
     #[test]
     fn a_point_on_a_wheel_is_bounded_by_the_wheel() {
-        // three and a half turns of a point at distance 1000: bounds must be the circle, hardly more
+        // three and a half turns of a point at distance 1000: bounds must be the circle, hardly
+        // more
         let turns = Rotation::Spin {
             axis: DVec3::Z,
             angle_rad: Track::new(&[(0.0, 0.0), (2.0, 22.0)], Interpolation::Linear)

@@ -1,4 +1,5 @@
-//! A map keyed in translation, rotation and scale, each with keys of its own: a node of an animated hierarchy.
+//! A map keyed in translation, rotation and scale, each with keys of its own: a node of an animated
+//! hierarchy.
 
 use super::shutter::Shutter;
 use super::track::{Interpolation, Span, Track, TrackError};
@@ -38,7 +39,8 @@ pub struct Arcs {
 }
 
 impl Arcs {
-    /// Through the orientations `keys` (time in seconds); linear means spherical interpolation along the shorter arc.
+    /// Through the orientations `keys` (time in seconds); linear means spherical interpolation
+    /// along the shorter arc.
     ///
     /// # Errors
     /// As [`Track::new`].
@@ -52,7 +54,8 @@ impl Arcs {
         Ok(Self::over(Track::new(&signed, interpolation)?))
     }
 
-    /// Cubic, with tangents given (those of a glTF sampler): quaternions are blended as they are, then normalized.
+    /// Cubic, with tangents given (those of a glTF sampler): quaternions are blended as they are,
+    /// then normalized.
     ///
     /// # Errors
     /// As [`Track::with_tangents`].
@@ -94,8 +97,8 @@ impl Arcs {
 
     /// Bounds of the rate of turning and of the second derivative of the matrix.
     ///
-    /// With q = p/|p|, |q'| <= |p'|/|p| and |q''| <= |p''|/|p| + 3 |p'|²/|p|²; the matrix of a unit quaternion has |R'| <= 2|q'|
-    /// and |R''| <= 2|q''| + 2|q'|².
+    /// With q = p/|p|, |q'| <= |p'|/|p| and |q''| <= |p''|/|p| + 3 |p'|²/|p|²; the matrix of a unit
+    /// quaternion has |R'| <= 2|q'| and |R''| <= 2|q''| + 2|q'|².
     fn bounds(&self, a: f64, b: f64) -> [f64; 2] {
         let track = &self.quaternions;
         match (track.span(0.5 * (a + b), false), track.interpolation()) {
@@ -221,8 +224,8 @@ impl Pose {
         translation.chain(rotation).chain(scale).copied()
     }
 
-    /// Bounds over `a..b` (without a key inside) of the linear part and of the translation: size, first and second
-    /// derivative.
+    /// Bounds over `a..b` (without a key inside) of the linear part and of the translation: size,
+    /// first and second derivative.
     pub(super) fn bounds(&self, a: f64, b: f64) -> ([f64; 3], [f64; 3]) {
         const ONE: [f64; 3] = [1.0, 0.0, 0.0];
         let rotation = self.rotation.as_ref().map_or(ONE, |r| r.bounds(a, b));

@@ -1,7 +1,7 @@
 //! Rays, in the world and in the own space of an instance.
 //!
-//! Invariant: which hits count near the ends of a ray follows from the faces it names and from the rounding error of
-//! its end points, never from a length.
+//! Invariant: which hits count near the ends of a ray follows from the faces it names and from the
+//! rounding error of its end points, never from a length.
 
 use super::{InstanceId, SurfaceId};
 use crate::math::predicates::transformed_error;
@@ -16,8 +16,8 @@ pub struct Ray {
     pub d: DVec3,
     /// Hits are in (0, `t_max`); infinite for an open ray.
     pub t_max: f64,
-    /// The face and root the origin lies on: never hit again; hits of other faces within the rounding error of the
-    /// origin are ignored.
+    /// The face and root the origin lies on: never hit again; hits of other faces within the
+    /// rounding error of the origin are ignored.
     pub start: Option<SurfaceId>,
     /// The same for the far end of a segment (at `t_max`).
     pub end: Option<SurfaceId>,
@@ -77,8 +77,8 @@ pub(super) struct LocalRay<'a> {
 }
 
 impl<'a> LocalRay<'a> {
-    /// `ray` as the instance `id` at `to_object` sees it, where only hits before `t_max` matter and the shape has
-    /// coordinates up to `extent`.
+    /// `ray` as the instance `id` at `to_object` sees it, where only hits before `t_max` matter and
+    /// the shape has coordinates up to `extent`.
     #[inline]
     pub fn new(
         ray: &'a Ray,
@@ -113,9 +113,10 @@ impl<'a> LocalRay<'a> {
         t > 0.0 && t < self.t_max
     }
 
-    /// Whether a face that is named neither as start nor as end counts when hit at `t`, where the ray nears it by
-    /// `approach` per unit of `t` (|d·n| for a flat face, |d| for a curved one). Faces nearer to an end of the ray than
-    /// the rounding error of that end are its neighbors, and do not. Few rays come to ask, so that the error waits until then.
+    /// Whether a face that is named neither as start nor as end counts when hit at `t`, where the
+    /// ray nears it by `approach` per unit of `t` (|d·n|). Faces nearer to an end of the ray than
+    /// the rounding error of that end are its neighbors, and do not. Few rays come to ask, so that
+    /// the error waits until then.
     #[inline]
     pub fn counts(&self, t: f64, approach: f64) -> bool {
         let Ray {

@@ -1,7 +1,8 @@
 //! The closed set of shapes, each in its own object space.
 //!
-//! Analytic shapes have unit size and are placed by the transform of their instance. Here is what any surface needs so
-//! that rays can hit it; [`super::AreaSampler`] adds what those need that emit.
+//! Analytic shapes have unit size and are placed by the transform of their instance. Here is what
+//! any surface needs so that rays can hit it; [`super::AreaSampler`] adds what those need that
+//! emit.
 
 use super::analytic::{self, FaceHit};
 use super::ray::LocalRay;
@@ -32,7 +33,8 @@ pub enum Shape {
     Deforming(Arc<Deforming>),
 }
 
-/// A surface point in object space; the normals have unit length, except that `ns` may be degenerate.
+/// A surface point in object space; the normals have unit length, except that `ns` may be
+/// degenerate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LocalPoint {
     pub p: DVec3,
@@ -57,8 +59,8 @@ impl Shape {
         }
     }
 
-    /// Whether the shape bounds a solid (mesh: every edge shared by two triangles of opposite winding; takes time
-    /// n log n).
+    /// Whether the shape bounds a solid (mesh: every edge shared by two triangles of opposite
+    /// winding; takes time n log n).
     #[must_use]
     pub fn is_closed(&self) -> bool {
         match self {
@@ -66,6 +68,16 @@ impl Shape {
             Self::Disk { .. } | Self::Quad | Self::Cylinder => false,
             Self::Mesh(mesh) => mesh.is_closed(),
             Self::Deforming(mesh) => mesh.is_closed(),
+        }
+    }
+
+    /// An edge of a mesh that is open, from vertex to vertex in object space.
+    #[must_use]
+    pub fn open_edge(&self) -> Option<[DVec3; 2]> {
+        match self {
+            Self::Mesh(mesh) => mesh.open_edge(),
+            Self::Deforming(mesh) => mesh.open_edge(),
+            _ => None,
         }
     }
 
@@ -111,7 +123,8 @@ impl Shape {
         }
     }
 
-    /// The point of face `prim` nearest to `p` (meshes: that with the barycentric `weights`) at `time`.
+    /// The point of face `prim` nearest to `p` (meshes: that with the barycentric `weights`) at
+    /// `time`.
     pub(super) fn local_point(&self, prim: u32, p: DVec3, weights: DVec2, time: f64) -> LocalPoint {
         let square = |q: DVec2| (q + 1.0) / 2.0;
         let flat = |p: DVec3, ng: DVec3, uv: DVec2| LocalPoint {
@@ -148,8 +161,8 @@ impl Shape {
         }
     }
 
-    /// Derivatives of the position by the texture coordinates at `p` on face `prim`, in object space; `None` where there
-    /// are none.
+    /// Derivatives of the position by the texture coordinates at `p` on face `prim`, in object
+    /// space; `None` where there are none.
     pub(super) fn tangents(&self, prim: u32, p: DVec3, time: f64) -> Option<[DVec3; 2]> {
         let turned = DVec3::new(-p.y, p.x, 0.0) * TAU;
         match self {

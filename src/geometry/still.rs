@@ -8,7 +8,7 @@ use crate::math::predicates::TriangleFilter;
 use glam::DVec3;
 
 /// Corners that do not move.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Still {
     triangles: Triangles,
     normals: Option<Vec<[f32; 3]>>,
@@ -80,12 +80,12 @@ impl CornersAt for &Still {
 }
 
 impl Mesh {
-    /// A mesh from indexed vertices; triangles run counter-clockwise seen from outside. Triangles without area are
-    /// dropped (see [`Mesh::dropped`]), and the rest is reordered.
+    /// A mesh from indexed vertices; triangles run counter-clockwise seen from outside. Triangles
+    /// without area are dropped (see [`Mesh::dropped`]), and the rest is reordered.
     ///
     /// # Errors
-    /// [`MeshError`] if a number is not finite, an index is out of range, the arrays do not match, or no triangle is
-    /// left.
+    /// [`MeshError`] if a number is not finite, an index is out of range, the arrays do not match,
+    /// or no triangle is left.
     pub fn new(
         positions: &[[f32; 3]],
         normals: Option<Vec<[f32; 3]>>,
@@ -150,6 +150,17 @@ impl Mesh {
             attributes,
             bounds,
         })
+    }
+
+    /// The same mesh with its triangles wound the other way round.
+    #[must_use]
+    pub fn turned(&self) -> Self {
+        let mut mesh = self.clone();
+        mesh.corners.triangles.turn();
+        if let Some(attributes) = &mut mesh.attributes {
+            attributes.indices.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        mesh
     }
 
     /// Number of triangles without area that were dropped.

@@ -1,11 +1,12 @@
-//! Keyed values over time, with the three interpolations of glTF 2.0 (appendix C), and bounds of their derivatives.
+//! Keyed values over time, with the three interpolations of glTF 2.0 (appendix C), and bounds of
+//! their derivatives.
 //!
 //! Before its first key and after its last a track holds their values.
 
 use glam::{DVec3, DVec4};
 use std::ops::{Add, Mul, Sub};
 
-/// What a track can hold.
+/// Value that a track can hold.
 pub trait Vector:
     Copy + PartialEq + Add<Output = Self> + Sub<Output = Self> + Mul<f64, Output = Self>
 {
@@ -39,7 +40,7 @@ impl Vector for DVec4 {
 /// How a value goes from key to key.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
-    /// It stays until the next key.
+    /// The value stays until the next key.
     Step,
     /// Along a straight line; rotations along the shortest great arc.
     #[default]
@@ -90,8 +91,8 @@ pub(super) enum Span {
 }
 
 impl<T: Vector> Track<T> {
-    /// A track through `keys` (time in seconds, value). Cubic tangents are the slopes between the neighbors of a key
-    /// (Catmull-Rom), at the ends those to the only neighbor.
+    /// A track through `keys` (time in seconds, value). Cubic tangents are the slopes between the
+    /// neighbors of a key (Catmull-Rom), at the ends those to the only neighbor.
     ///
     /// # Errors
     /// [`TrackError`] without keys, or if times do not rise or a number is not finite.
@@ -227,8 +228,8 @@ impl<T: Vector> Track<T> {
         ]
     }
 
-    /// Bounds of the size (by `norm`, which is convex) of value, first and second derivative over `a..b`, in whose
-    /// inside no key lies.
+    /// Bounds of the size (by `norm`, which is convex) of value, first and second derivative over
+    /// `a..b`, in whose inside no key lies.
     pub(super) fn bounds(&self, a: f64, b: f64, norm: impl Fn(T) -> f64) -> [f64; 3] {
         let ends = norm(self.at(a, false)).max(norm(self.at(b, true)));
         let Span::Between(i, _) = self.span(0.5 * (a + b), false) else {
@@ -287,7 +288,8 @@ mod tests {
         assert_eq!(track(Linear).at(3.0, false), 3.0);
         assert_eq!(track(Step).at(3.999, false), 6.0);
         assert_eq!(track(Step).at(4.0, true), 6.0);
-        // Catmull-Rom: slopes 4 (one-sided) and -2/3 at the ends of the first segment, Hermite in the middle
+        // Catmull-Rom: slopes 4 (one-sided) and -2/3 at the ends of the first segment, Hermite in
+        // the middle
         let middle = 0.5 * (2.0 + 6.0) + (4.0 + 2.0 / 3.0) / 8.0;
         assert!((track(Cubic).at(1.5, false) - middle).abs() < 1e-15);
     }

@@ -1,20 +1,22 @@
 //! One level of the tree: a wide tree of boxes that culls for f64 rays at any scale.
 //!
-//! obvhs builds a binary tree (parallel locally-ordered clustering, Meister and Bittner, TVCG 2018, and reinsertion); its
-//! inner nodes are merged, at least expected cost, into nodes of eight (the dynamic program of Ylitie, Karras and
-//! Laine, HPG 2017), whose boxes are rounded outward to bytes, as there: a ray waits for memory more than for
-//! arithmetic.
+//! obvhs builds a binary tree (parallel locally-ordered clustering, Meister and Bittner, TVCG 2018,
+//! and reinsertion); its inner nodes are merged, at least expected cost, into nodes of eight (the
+//! dynamic program of Ylitie, Karras and Laine, HPG 2017), whose boxes are rounded outward to
+//! bytes, as there: a ray waits for memory more than for arithmetic.
 //!
-//! Invariant: boxes only ever cull, and never what a ray touches. They live in a frame in which the tree fills -1..1; a
-//! ray is advanced in f64 to the bounds before it is rounded, so that planes are at most 2 and a little away. With
-//! u = 2^-24, the distance of a plane then errs by u (start of the ray) + 2u (corner of the node from it) + 2u (plane from it),
-//! the quotient by 2u (inverse direction) + 2u more, together 6e-7 at most, and boxes are padded by more.
+//! Invariant: boxes only ever cull, and never what a ray touches. They live in a frame in which the
+//! tree fills -1..1; a ray is advanced in f64 to the bounds before it is rounded, so that planes
+//! are at most 2 and a little away. With u = 2^-24, the distance of a plane then errs by u (start
+//! of the ray) + 2u (corner of the node from it) + 2u (plane from it), the quotient by 2u (inverse
+//! direction) + 2u more, together 6e-7 at most, and boxes are padded by more.
 
 use glam::{DVec3, Vec3, Vec3A, Vec4};
 use prefetch_index::prefetch_index;
 use std::ops::Range;
 
-/// Added to boxes in the frame of the tree, which has coordinates up to 1; the bounds take twice that.
+/// Added to boxes in the frame of the tree, which has coordinates up to 1; the bounds take twice
+/// that.
 pub(super) const PADDING: f64 = 1e-6;
 /// Components of directions (of which the longest is 1) below 1 / this are as good as zero.
 const MOST: f64 = 1e12;
@@ -23,11 +25,12 @@ pub(super) const WIDTH: usize = 8;
 /// Most boxes in a tree, and in one of its leaves.
 pub(super) const LIMIT: usize = 1 << 29;
 pub(super) const LEAF_LIMIT: usize = 4;
-/// Pending children of a tree over a few things, and those that need no allocation (a million triangles: at most 60).
+/// Pending children of a tree over a few things, and those that need no allocation (a million
+/// triangles: at most 60).
 const STACKS: [usize; 2] = [16, 96];
 
-/// Eight boxes and what they hold: on each axis, steps of a power of two from a corner (Ylitie, Karras and Laine).
-/// Unused ones are inside out, and never hit.
+/// Eight boxes and what they hold: on each axis, steps of a power of two from a corner (Ylitie,
+/// Karras and Laine). Unused ones are inside out, and never hit.
 #[derive(Clone, Debug)]
 #[repr(align(16))]
 pub(super) struct Node {
@@ -37,7 +40,8 @@ pub(super) struct Node {
     first_prim: u32,
     /// Steps, as exponents of f32.
     exponents: [u8; 3],
-    /// Which node after the first; or [`Node::LEAF`], one less than the boxes << 5, and which box after the first.
+    /// Which node after the first; or [`Node::LEAF`], one less than the boxes << 5, and which box
+    /// after the first.
     children: [u8; WIDTH],
     /// Low and high planes on each axis, in steps.
     planes: [[[u8; WIDTH]; 2]; 3],
@@ -69,7 +73,7 @@ impl Child {
 }
 
 /// A tree of boxes, in the space of the boxes given.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Tree {
     pub(super) nodes: Vec<Node>,
     /// Pending nodes a traversal may have.
@@ -97,7 +101,8 @@ pub(super) struct Entry {
 }
 
 impl Entry {
-    /// The length in the frame that belongs to `t`, rounded up far enough that nothing nearer is culled.
+    /// The length in the frame that belongs to `t`, rounded up far enough that nothing nearer is
+    /// culled.
     #[inline(always)]
     fn length(&self, t: f64) -> f32 {
         ((t - self.t).max(0.0) * self.rate * (1.0 + 1e-6) + 2.0 * PADDING) as f32
@@ -110,8 +115,9 @@ impl Tree {
         std::mem::size_of_val(self.nodes.as_slice())
     }
 
-    /// The ray in the frame of the tree, from where it enters the bounds; `None` if it misses them, or if its numbers make no ray
-    /// (not finite, too large for finite distances, or without direction).
+    /// The ray in the frame of the tree, from where it enters the bounds; `None` if it misses them,
+    /// or if its numbers make no ray (not finite, too large for finite distances, or without
+    /// direction).
     #[inline]
     pub fn enter(&self, o: DVec3, d: DVec3, t_max: f64) -> Option<Entry> {
         let o = (o - self.center) * self.inv_scale;
@@ -145,8 +151,8 @@ impl Tree {
         Some(entry)
     }
 
-    /// Visits runs of boxes that may be hit, roughly from near to far; `hit` returns the parameter of a new closest hit,
-    /// `fetch` learns early where runs start.
+    /// Visits runs of boxes that may be hit, roughly from near to far; `hit` returns the parameter
+    /// of a new closest hit, `fetch` learns early where runs start.
     #[inline]
     pub fn closest(
         &self,
@@ -188,8 +194,8 @@ impl Tree {
         fetch: impl Fn(u32),
         mut leaf: impl FnMut(Range<u32>) -> f32,
     ) {
-        // What is still to be visited, nearest last: distance in the upper half (positive floats sort like their bits),
-        // child in the lower.
+        // What is still to be visited, nearest last: distance in the upper half (positive floats
+        // sort like their bits), child in the lower.
         let (mut few, mut some, mut many);
         let pending = if self.pending <= STACKS[0] {
             few = [0u64; STACKS[0]];
@@ -239,8 +245,8 @@ impl Tree {
         }
     }
 
-    /// Has the memory of a child fetched that will likely be visited, while nearer ones are: a walk through a large tree
-    /// is a chain of cache misses.
+    /// Has the memory of a child fetched that will likely be visited, while nearer ones are: a walk
+    /// through a large tree is a chain of cache misses.
     #[inline(always)]
     fn fetch(&self, child: Child, leaf: impl Fn(u32)) {
         match child.prims() {
@@ -269,8 +275,8 @@ impl Node {
         planes: [[[u8::MAX; WIDTH], [0; WIDTH]]; 3],
     };
 
-    /// A node over boxes (1..=8), each with the number of boxes in its leaf, or 0 if it is a node. The first of these nodes
-    /// is `first_node`, the first box in its leaves `first_prim`.
+    /// A node over boxes (1..=8), each with the number of boxes in its leaf, or 0 if it is a node.
+    /// The first of these nodes is `first_node`, the first box in its leaves `first_prim`.
     pub fn new(
         members: impl Iterator<Item = (Vec3A, Vec3A, usize)> + Clone,
         first_node: usize,

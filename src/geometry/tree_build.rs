@@ -1,7 +1,7 @@
 //! Building a [`Tree`] with obvhs.
 //!
-//! The binary tree is the largest thing that building a scene holds, so no boxes are kept beside it, and what serves
-//! one step only is dropped before the next.
+//! The binary tree is the largest thing that building a scene holds, so no boxes are kept beside
+//! it, and what serves one step only is dropped before the next.
 
 use super::tree::{Node, PADDING, Tree, WIDTH, pending};
 use glam::{DVec3, Vec3A};
@@ -18,14 +18,15 @@ const SEARCH: usize = 14;
 const SHORT_PASSES: usize = 3;
 /// Fractions of the nodes that are tried elsewhere, before and after boxes are gathered in leaves.
 const REINSERTED: [f32; 2] = [0.05, 0.1];
-/// What visiting a node of the binary tree costs, in tests of a box's content, where boxes are gathered in leaves.
+/// Cost of a visit to a node of the binary tree, in tests of a box's content, where boxes are
+/// gathered in leaves.
 const BINARY_COST: f32 = 3.0;
-/// What a test of a box's content costs, in visits of a wide node.
+/// Cost of a test of a box's content, in visits of a wide node.
 const TEST_COST: f32 = 0.3;
 
 impl Tree {
-    /// The tree over `count` boxes (1..2^29), at most `leaf_size` (1..=4) to a leaf, and the order in which its queries
-    /// number them: the i-th is box `order[i]`.
+    /// The tree over `count` boxes (1..2^29), at most `leaf_size` (1..=4) to a leaf, and the order
+    /// in which its queries number them: the i-th is box `order[i]`.
     pub fn build(
         count: usize,
         leaf_size: usize,
@@ -41,7 +42,8 @@ impl Tree {
         let inv_scale = if largest > 0.0 { 1.0 / largest } else { 1.0 };
         let frame = |p: DVec3| (p - center) * inv_scale;
         let padded = |i: usize| {
-            // Unequal padding tells coincident boxes apart, of which the builder would pair one at a time.
+            // Unequal padding tells coincident boxes apart, of which the builder would pair one at
+            // a time.
             let pad = PADDING * (1.0 + (i as f64 * 0.618_033_988_749_894_9).fract());
             let (low, high) = bounds(i);
             let (low, high) = (frame(low) - pad, frame(high) + pad);
@@ -126,8 +128,8 @@ fn binary_tree(count: usize, leaf_size: usize, bounds: impl Fn(usize) -> (Vec3A,
     tree
 }
 
-/// For each node, the least expected cost of its subtree as at most 1..=8 children of a wide node: of all visits below
-/// and of all tests in leaves, in proportion to the areas of the boxes.
+/// For each node, the least expected cost of its subtree as at most 1..=8 children of a wide node:
+/// of all visits below and of all tests in leaves, in proportion to the areas of the boxes.
 fn costs(nodes: &[Bvh2Node]) -> Vec<[f32; WIDTH]> {
     let mut parents_first = vec![0u32];
     let mut at = 0;
@@ -168,8 +170,8 @@ fn split(costs: &[[f32; WIDTH]], node: &Bvh2Node, parts: usize) -> (usize, f32) 
         .unwrap_or((1, f32::INFINITY))
 }
 
-/// Cuts the subtree of `index` into at most `parts` children of a wide node, as [`costs`] found best; the root of a
-/// wide node (`open`) is cut in any case.
+/// Cuts the subtree of `index` into at most `parts` children of a wide node, as [`costs`] found
+/// best; the root of a wide node (`open`) is cut in any case.
 fn cut(
     nodes: &[Bvh2Node],
     costs: &[[f32; WIDTH]],

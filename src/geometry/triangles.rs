@@ -1,8 +1,8 @@
 //! The corners of triangles, laid out for traversal.
 //!
-//! Nine numbers per triangle, axis by axis and in the order of the leaves of the tree: a ray that reaches a leaf finds
-//! all it needs in one place, without a table of indices in between (traversal waits for memory more than for
-//! arithmetic), and tests an axis of three corners at a time.
+//! Nine numbers per triangle, axis by axis and in the order of the leaves of the tree: a ray that
+//! reaches a leaf finds all it needs in one place, without a table of indices in between (traversal
+//! waits for memory more than for arithmetic), and tests an axis of three corners at a time.
 
 use crate::math::predicates::TriangleFilter;
 use glam::Vec4;
@@ -12,7 +12,7 @@ use prefetch_index::prefetch_index;
 pub(super) type Triangle = [[f32; 3]; 3];
 
 /// A list of triangles.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Triangles {
     /// x, y, z of the three corners of each triangle, and one number more: rows are read by four.
     rows: Vec<f32>,
@@ -46,6 +46,13 @@ impl Triangles {
         [[ax, ay, az], [bx, by, bz], [cx, cy, cz]]
     }
 
+    /// Turns every triangle: its last two corners change places.
+    pub fn turn(&mut self) {
+        for row in self.rows.as_chunks_mut::<3>().0 {
+            row.swap(1, 2);
+        }
+    }
+
     pub fn iter(&self) -> impl Iterator<Item = Triangle> {
         (0..self.len() as u32).map(|i| self.get(i))
     }
@@ -58,7 +65,8 @@ impl Triangles {
         }
     }
 
-    /// Whether `filter` lets triangle `index` pass at the fraction `u` of the way to the same triangle of `other`.
+    /// Whether `filter` lets triangle `index` pass at the fraction `u` of the way to the same
+    /// triangle of `other`.
     #[inline(always)]
     pub fn pass_between(&self, other: &Self, u: f32, filter: &TriangleFilter, index: u32) -> bool {
         let rows = |of: &'_ Self| -> [Vec4; 3] {

@@ -41,6 +41,9 @@ pub struct SensorJob<'a> {
     pub with_raw: bool,
     /// Note every merged photon on its own (for what is kept by path class).
     pub detailed: bool,
+    /// Light sub-paths are not traced, as if none had left its light: the strategies that take them
+    /// count in the weights and make nothing (pilots).
+    pub camera_only: bool,
     /// Light sub-paths of a pass, by the wavelength of its set that is their hero.
     light_paths: Vec<u64>,
 }
@@ -78,6 +81,7 @@ impl<'a> SensorJob<'a> {
             regularization: decision,
             with_raw,
             detailed: with_raw,
+            camera_only: false,
             light_paths: light_paths(crop, heroes),
         }
     }
@@ -267,7 +271,8 @@ pub fn sample_and_merge(
     let start = sensor
         .camera
         .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.moment());
-    camera.restart(start.xk, sensor.stack.region(), None, start.pdf_xk);
+    let weight = start.weight * context.scene.exposure(&start.xk);
+    camera.restart(start.xk, &sensor.stack, None, start.pdf_xk);
     let strategies = job.strategies_of(pass, (x, y));
     if strategies.wants_camera_walk() {
         let eta2 = context.eta_squared(sensor.stack.medium());
@@ -278,8 +283,8 @@ pub fn sample_and_merge(
             camera,
             Start {
                 ray: Ray::leaving(x_sensor.p, start.direction, x_sensor.surface),
-                stack: sensor.stack.clone(),
-                throughput: Throughput::splat(start.weight).times(&eta2),
+                stack: sensor.stack,
+                throughput: Throughput::splat(weight).times(&eta2),
                 pdf: start.pdf_direction,
                 infinite: false,
                 generate: Side::Light,
@@ -294,10 +299,11 @@ pub fn sample_and_merge(
             },
         );
     }
-    if !strategies.wants_light_walk()
+    if job.camera_only
+        || !strategies.wants_light_walk()
         || !start_light(&context, light, max_depth, &sampler, counters)
     {
-        light.restart(EndPoint::NONE, sensor.stack.region(), None, 0.0);
+        light.restart(EndPoint::NONE, &sensor.stack, None, 0.0);
     }
 
     let margin = sensor.filter.margin();
@@ -305,6 +311,7 @@ pub fn sample_and_merge(
         context: &context,
         strategies: &strategies,
         max_depth,
+        raster,
         skip_point_images: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: job.with_raw,
         detailed: job.detailed,
@@ -313,7 +320,7 @@ pub fn sample_and_merge(
         out: contributions,
         scratch,
     };
-    joiner.direct_to_detector(camera, start.weight);
+    joiner.direct_to_detector(camera, weight);
     let mut hits = camera.light_hits.iter().peekable();
     for j in 0..camera.vertices.len() {
         if let Some(hit) = hits.next_if(|hit| hit.vertex == j) {
@@ -381,21 +388,20 @@ pub(super) fn start_light(
         return false;
     };
     let stack = scene.light_stack(id);
-    path.restart(
-        emission.x0,
-        stack.region(),
-        Some(id),
-        probability * emission.pdf_x0,
-    );
+    path.restart(emission.x0, stack, Some(id), probability * emission.pdf_x0);
     let x0 = emission.x0;
+    let exposure = scene.exposure(&x0);
+    if exposure == 0.0 {
+        return false;
+    }
     let weight: SampledSpectrum = emission.weight;
     walk(
         context,
         path,
         Start {
             ray: Ray::leaving(emission.origin, emission.direction, x0.surface),
-            stack: stack.clone(),
-            throughput: Throughput::splat(1.0 / probability).times(&weight),
+            stack: *stack,
+            throughput: Throughput::splat(exposure / probability).times(&weight),
             pdf: emission.pdf_direction,
             infinite: x0.infinite,
             generate: Side::Camera,

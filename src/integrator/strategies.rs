@@ -22,6 +22,7 @@ pub fn strategies(
         pairs: 0.0,
         merge: None,
         heuristic: settings.heuristic,
+        factors: None,
         splat_samples,
         hittable_sensor,
         cone: None,

@@ -1,9 +1,16 @@
-//! Writing files at once or not at all: a temporary file in the same folder, synced, then renamed over the old one.
+//! Writing files at once or not at all: a temporary file in the same folder, synced, then renamed
+//! over the old one. Symbolic links are followed; temporary files of killed runs are removed.
 
+use super::destination::destination;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use tempfile::NamedTempFile;
+
+const TEMPORARY: [&str; 2] = [".abbe-", ".tmp"];
+/// Age from which a temporary file that nobody has locked is one of a killed run.
+const LEFT_BEHIND: Duration = Duration::from_secs(60);
 
 /// A file that could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -37,13 +44,14 @@ pub fn folder(path: &Path) -> &Path {
 /// Replaces `path` by what `write` writes. The old file is untouched unless all of it succeeds.
 ///
 /// # Errors
-/// What `write` or the file system reports.
+/// Error that `write` or the file system reports.
 pub fn write_atomic(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<(), FileError> {
     let fail = |e| FileError::new(path, e);
-    let temporary = NamedTempFile::new_in(folder(path)).map_err(fail)?;
+    let target = destination(path).map_err(fail)?;
+    let temporary = temporary_in(folder(&target)).map_err(fail)?;
     let mut buffered = BufWriter::with_capacity(1 << 20, temporary.as_file());
     write(&mut buffered)
         .and_then(|()| buffered.flush())
@@ -52,8 +60,39 @@ pub fn write_atomic(
     make_readable(temporary.as_file())
         .and_then(|()| temporary.as_file().sync_all())
         .map_err(fail)?;
-    temporary.persist(path).map_err(|e| fail(e.error))?;
+    temporary.persist(&target).map_err(|e| fail(e.error))?;
     Ok(())
+}
+
+/// A temporary file, locked to tell that its process lives.
+fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+    let [prefix, suffix] = TEMPORARY;
+    let mut names = tempfile::Builder::new();
+    let temporary = names.prefix(prefix).suffix(suffix).tempfile_in(folder)?;
+    // without locks its age alone tells
+    _ = temporary.as_file().try_lock();
+    Ok(temporary)
+}
+
+/// Removes temporary files of runs that were killed while they wrote.
+fn remove_left_behind(folder: &Path) {
+    let [prefix, suffix] = TEMPORARY;
+    for entry in folder.read_dir().into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if !name.starts_with(prefix) || !name.ends_with(suffix) {
+            continue;
+        }
+        let Ok(file) = File::open(entry.path()) else {
+            continue;
+        };
+        let modified = file.metadata().and_then(|m| m.modified());
+        let age = modified.ok().and_then(|at| at.elapsed().ok());
+        if age.is_some_and(|age| age >= LEFT_BEHIND) && file.try_lock().is_ok() {
+            // one that cannot be removed does no harm
+            _ = std::fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// Temporary files are private; an image is for everyone, as if created plainly (umask 022).
@@ -68,26 +107,17 @@ fn make_readable(_: &File) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether `path` can be written later: asked before rendering, so that hours of work do not end in an error. Leaves
-/// nothing behind.
+/// Whether `path` can be written later: asked before rendering, so that hours of work do not end
+/// in an error. Leaves nothing behind, nor what killed runs left in its folder.
 ///
 /// # Errors
-/// The folder is missing or read-only, or the path is a folder.
+/// The folder is missing or read-only, or what is there is no regular file.
 pub fn check_writable(path: &Path) -> Result<(), FileError> {
-    if path.is_dir() || path.file_name().is_none() {
-        return Err(FileError::new(
-            path,
-            io::Error::new(io::ErrorKind::IsADirectory, "is a folder, not a file"),
-        ));
-    }
-    NamedTempFile::new_in(folder(path)).map(drop).map_err(|e| {
-        let kind = e.kind();
-        let text = if kind == io::ErrorKind::NotFound {
-            "the folder does not exist"
-        } else {
-            "the folder cannot be written"
-        };
-        FileError::new(path, io::Error::new(kind, text))
+    let target = destination(path).map_err(|e| FileError::new(path, e))?;
+    remove_left_behind(folder(&target));
+    temporary_in(folder(&target)).map(drop).map_err(|e| {
+        let text = "the folder cannot be written";
+        FileError::new(path, io::Error::new(e.kind(), text))
     })
 }
 
@@ -112,6 +142,44 @@ mod tests {
         write_atomic(&path, |w| w.write_all(b"new")).expect("writes");
         assert_eq!(std::fs::read(&path).expect("there"), b"new");
         assert_eq!(std::fs::read_dir(dir.path()).expect("folder").count(), 1);
+    }
+
+    #[test]
+    fn files_of_killed_runs_are_removed() {
+        let dir = tempfile::tempdir().expect("temporary folder");
+        let make = |name: &str, age_s: u64| {
+            let file = File::create(dir.path().join(name)).expect("file");
+            let at = std::time::SystemTime::now() - Duration::from_secs(age_s);
+            file.set_modified(at).expect("time");
+            file
+        };
+        for (name, age_s) in [
+            (".abbe-a.tmp", 100),
+            (".abbe-new.tmp", 0),
+            ("mine.tmp", 100),
+        ] {
+            drop(make(name, age_s));
+        }
+        let alive = make(".abbe-b.tmp", 100);
+        alive.lock().expect("locked");
+        check_writable(&dir.path().join("a.exr")).expect("writable");
+        let mut left: Vec<_> = std::fs::read_dir(dir.path())
+            .expect("folder")
+            .map(|entry| entry.expect("entry").file_name())
+            .collect();
+        left.sort();
+        assert_eq!(left, [".abbe-b.tmp", ".abbe-new.tmp", "mine.tmp"]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn links_are_followed() {
+        let dir = tempfile::tempdir().expect("temporary folder");
+        let at = |name: &str| dir.path().join(name);
+        std::os::unix::fs::symlink("image", at("link")).expect("link");
+        write_atomic(&at("link"), |w| w.write_all(b"new")).expect("writes");
+        assert!(at("link").is_symlink());
+        assert_eq!(std::fs::read(at("image")).expect("there"), b"new");
     }
 
     #[test]

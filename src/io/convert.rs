@@ -1,16 +1,19 @@
-//! Scene files written from models: the model stays a file of its own, cameras and stand-in lights become editable text.
+//! Scene files written from models: the model stays a file of its own, cameras and stand-in lights
+//! become editable text.
 
 use super::model::{Model, ModelCamera, Projection, standard_camera};
 use super::model_file::ModelKind;
 use std::fmt::Write as _;
 
-/// The smallest scene file with the model `file`: its own cameras and lights, or those that stand in.
+/// The smallest scene file with the model `file`: its own cameras and lights, or those that stand
+/// in.
 #[must_use]
 pub fn shortest_scene(kind: ModelKind, file: &str) -> String {
     format!("{}{}", header(kind), model_table(kind, file))
 }
 
-/// A scene file with the model `file` (a path relative to the scene's) whose cameras are written out.
+/// A scene file with the model `file` (a path relative to the scene's) whose cameras are written
+/// out.
 #[must_use]
 pub fn scene_text(model: &Model, kind: ModelKind, file: &str) -> String {
     let mut text = format!(

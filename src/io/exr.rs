@@ -1,11 +1,12 @@
-//! OpenEXR images of XYZ values and of spectra (design of the channels: Fichet, Pacanowski, Wilkie, "An OpenEXR Layout for
-//! Spectral Images", JCGT 2021).
+//! OpenEXR images of XYZ values and of spectra (design of the channels: Fichet, Pacanowski, Wilkie,
+//! "An OpenEXR Layout for Spectral Images", JCGT 2021).
 //!
-//! Channels are 32-bit floats in ZIP-compressed scan lines, lossless. The chromaticities (1,0), (0,1), (0,0) with white
-//! (1/3,1/3) say that the numbers are XYZ.
+//! Channels are 32-bit floats in ZIP-compressed scan lines, lossless. The chromaticities (1,0),
+//! (0,1), (0,0) with white (1/3,1/3) say that the numbers are XYZ.
 
 use super::atomic::{FileError, write_atomic};
 use super::exr_header::sort_attributes;
+use super::files::read_regular;
 use crate::film::Crop;
 use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds};
 use exr::prelude::{
@@ -34,7 +35,7 @@ pub enum MetadataValue {
     Pair([f32; 2]),
 }
 
-/// What the image says about itself, in the order given (readers sort by name).
+/// Attributes of the image, in the order given (readers sort by name).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImageMetadata {
     /// (name, value).
@@ -87,9 +88,24 @@ impl ExrImage {
     /// The interleaved values of X, Y and Z, if all are there.
     #[must_use]
     pub fn xyz(&self) -> Option<Vec<f64>> {
+        self.interleaved(XYZ.map(|name| self.channel(name)))
+    }
+
+    /// The interleaved X, Y and Z of a layer; of one with a single channel three times its values.
+    #[must_use]
+    pub fn layer_xyz(&self, layer: &str) -> Option<Vec<f64>> {
+        let channels = XYZ.map(|name| self.channel(&format!("{layer}.{name}")));
+        let single = channels.iter().flatten().next().copied();
+        match channels.iter().flatten().count() {
+            1 => self.interleaved([single; 3]),
+            _ => self.interleaved(channels),
+        }
+    }
+
+    fn interleaved(&self, channels: [Option<&[f32]>; 3]) -> Option<Vec<f64>> {
         let mut xyz = vec![0.0; 3 * self.crop.pixels() as usize];
-        for (c, name) in XYZ.into_iter().enumerate() {
-            for (pixel, value) in self.channel(name)?.iter().enumerate() {
+        for (c, channel) in channels.into_iter().enumerate() {
+            for (pixel, value) in channel?.iter().enumerate() {
                 xyz[3 * pixel + c] = f64::from(*value);
             }
         }
@@ -108,7 +124,7 @@ pub enum ExrError {
     Format {
         /// The file.
         path: PathBuf,
-        /// What the decoder says.
+        /// Message of the decoder.
         message: String,
     },
     /// An image that cannot be encoded.
@@ -116,7 +132,7 @@ pub enum ExrError {
     Encode {
         /// The file.
         path: PathBuf,
-        /// What the encoder says.
+        /// Message of the encoder.
         message: String,
     },
     /// More than is read.
@@ -124,7 +140,7 @@ pub enum ExrError {
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// What is too large.
+        /// Quantity that is too large.
         what: &'static str,
         /// How large it is.
         size: u64,
@@ -186,7 +202,8 @@ pub fn xyz_channels(xyz: &[f64]) -> Vec<Channel> {
 /// Writes an image. A channel `name.x` stays in the one layer (viewers group by the dot).
 ///
 /// # Errors
-/// The file cannot be written, or a channel does not fit the crop. An older file of the name stays in that case.
+/// The file cannot be written, or a channel does not fit the crop. An older file of the name stays
+/// in that case.
 pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     let pixels = image.crop.pixels();
     for channel in &image.channels {
@@ -203,14 +220,12 @@ pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     let mut attributes =
         LayerAttributes::default().with_position(Vec2(image.crop.x0 as i32, image.crop.y0 as i32));
     for (name, value) in &image.metadata.entries {
-        attributes
-            .other
-            .insert(Text::from(name.as_str()), to_attribute(value));
+        attributes.other.insert(utf8(name), to_attribute(value));
     }
     let channels = image
         .channels
         .iter()
-        .map(|c| AnyChannel::new(c.name.as_str(), FlatSamples::F32(c.values.clone())));
+        .map(|c| AnyChannel::new(utf8(&c.name), FlatSamples::F32(c.values.clone())));
     let size = Vec2(
         (image.crop.x1 - image.crop.x0) as usize,
         (image.crop.y1 - image.crop.y0) as usize,
@@ -254,16 +269,8 @@ pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
 /// The file cannot be read, is too large, or is not an OpenEXR image.
 pub fn read(path: &Path) -> Result<ExrImage, ExrError> {
     let file_error = |e| ExrError::from(FileError::new(path, e));
-    let size = std::fs::metadata(path).map_err(file_error)?.len();
-    if size > MAX_EXR_BYTES {
-        return Err(ExrError::TooLarge {
-            path: path.to_owned(),
-            what: "the file in bytes",
-            size,
-            limit: MAX_EXR_BYTES,
-        });
-    }
-    decode(path, &std::fs::read(path).map_err(file_error)?, MAX_SAMPLES)
+    let bytes = read_regular(path, MAX_EXR_BYTES).map_err(file_error)?;
+    decode(path, &bytes, MAX_SAMPLES)
 }
 
 /// Reads an image and gives its interleaved XYZ values beside it.
@@ -343,7 +350,7 @@ pub(super) fn decode(path: &Path, bytes: &[u8], max_samples: u64) -> Result<ExrI
     }
     let channels = layer.channel_data.list.iter();
     let channels = channels.map(|c| Channel {
-        name: c.name.to_string(),
+        name: from_utf8(&c.name),
         values: c.sample_data.values_as_f32().collect(),
     });
     let image = ExrImage {
@@ -372,12 +379,23 @@ fn format_error(path: &Path, error: &exr::error::Error) -> ExrError {
     }
 }
 
+/// Text of OpenEXR is bytes, which are UTF-8 here; the crate takes them for Latin-1.
+fn utf8(text: &str) -> Text {
+    Text::from_slice_unchecked(text.as_bytes())
+}
+
+/// Text of a file, of Latin-1 where it is not UTF-8.
+fn from_utf8(text: &Text) -> String {
+    let utf8 = String::from_utf8(text.as_slice().to_vec());
+    utf8.unwrap_or_else(|_| text.to_string())
+}
+
 fn to_attribute(value: &MetadataValue) -> AttributeValue {
     match value {
-        MetadataValue::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
+        MetadataValue::Text(text) => AttributeValue::Text(utf8(text)),
         MetadataValue::Integer(v) => match i32::try_from(*v) {
             Ok(small) => AttributeValue::I32(small),
-            Err(_) => AttributeValue::Text(Text::from(v.to_string().as_str())),
+            Err(_) => AttributeValue::Text(utf8(&v.to_string())),
         },
         MetadataValue::Real(v) => AttributeValue::F64(*v),
         MetadataValue::Pair(v) => AttributeValue::FloatVec2(Vec2(v[0], v[1])),
@@ -386,7 +404,7 @@ fn to_attribute(value: &MetadataValue) -> AttributeValue {
 
 fn from_attribute(value: &AttributeValue) -> Option<MetadataValue> {
     Some(match value {
-        AttributeValue::Text(text) => MetadataValue::Text(text.to_string()),
+        AttributeValue::Text(text) => MetadataValue::Text(from_utf8(text)),
         AttributeValue::I32(v) => MetadataValue::Integer(i64::from(*v)),
         AttributeValue::F32(v) => MetadataValue::Real(f64::from(*v)),
         AttributeValue::F64(v) => MetadataValue::Real(*v),
@@ -430,6 +448,10 @@ mod tests {
             ("passes".to_owned(), MetadataValue::Integer(64)),
             ("rangeNm".to_owned(), MetadataValue::Pair([360.0, 830.0])),
             ("scale".to_owned(), MetadataValue::Real(0.1)),
+            (
+                "sensor".to_owned(),
+                MetadataValue::Text("\u{76f8}\u{673a}".to_owned()),
+            ),
         ];
         ExrImage {
             width: 10,

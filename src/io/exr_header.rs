@@ -1,13 +1,15 @@
 //! Attributes of an OpenEXR header in the order of their names.
 //!
-//! The encoder keeps custom attributes in a hash map, so their order changes from run to run; sorted, equal images are equal
-//! files. Layout (openexr.com, "OpenEXR File Layout"): magic and version in 8 bytes, then per attribute a name and a type, each
-//! ended by a zero byte, a 32-bit length and the value; a zero byte ends the header.
+//! The encoder keeps custom attributes in a hash map, so their order changes from run to run;
+//! sorted, equal images are equal files. Layout (openexr.com, "OpenEXR File Layout"): magic and
+//! version in 8 bytes, then per attribute a name and a type, each ended by a zero byte, a 32-bit
+//! length and the value; a zero byte ends the header.
 
 /// Before the first attribute.
 const START: usize = 8;
 
-/// Sorts the attributes of the one header of an encoded image. Bytes that are no such header stay as they are.
+/// Sorts the attributes of the one header of an encoded image. Bytes that are no such header stay
+/// as they are.
 pub fn sort_attributes(file: &mut [u8]) {
     let Some(mut attributes) = attributes(file) else {
         return;

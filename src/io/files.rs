@@ -1,5 +1,7 @@
 //! Files that a scene names: inside its folder, of bounded size.
 
+use std::fs::File;
+use std::io::{self, Read as _};
 use std::path::{Component, Path, PathBuf};
 
 /// Largest scene file.
@@ -25,7 +27,7 @@ pub enum FileProblem {
     TooLarge {
         /// The path as written.
         path: String,
-        /// Its size.
+        /// Size of the file.
         bytes: u64,
         /// The limit in bytes.
         limit: u64,
@@ -40,8 +42,8 @@ pub enum FileProblem {
     },
 }
 
-/// The file `name` in `folder`, which must be a plain relative path that does not leave the folder, also not by a
-/// symbolic link, and at most `limit` bytes.
+/// The file `name` in `folder`, which must be a plain relative path that does not leave the folder,
+/// also not by a symbolic link, and at most `limit` bytes.
 pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, FileProblem> {
     let plain = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
     if !Path::new(name).components().all(plain) || name.contains('\\') {
@@ -70,16 +72,44 @@ pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, FileProble
     Ok(path)
 }
 
-/// The bytes of the file `name` in `folder`, as [`find`] finds it.
-pub fn read(folder: &Path, name: &str, limit: u64) -> Result<Vec<u8>, FileProblem> {
-    std::fs::read(find(folder, name, limit)?).map_err(|e| FileProblem::Bad {
-        path: name.to_owned(),
-        message: e.to_string(),
-    })
+/// The bytes of a regular file of at most `limit` bytes: pipes and devices may never end.
+///
+/// # Errors
+/// The file cannot be read, is no regular file, or is larger.
+pub fn read_regular(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    let refused = |text: String| Err(io::Error::new(io::ErrorKind::InvalidInput, text));
+    // a pipe is not even opened: that would wait for a writer
+    let metadata = path.metadata()?;
+    if !metadata.is_file() {
+        return refused("not a file".to_owned());
+    }
+    let mut bytes = Vec::new();
+    if metadata.len() <= limit {
+        bytes.reserve_exact(metadata.len() as usize);
+        // one byte more than allowed tells of a file that grows
+        let mut file = File::open(path)?.take(limit.saturating_add(1));
+        file.read_to_end(&mut bytes)?;
+    }
+    let size = metadata.len().max(bytes.len() as u64);
+    if size > limit {
+        return refused(format!("{size} bytes (allowed: at most {limit})"));
+    }
+    Ok(bytes)
 }
 
-/// Rows of 2 to `N` numbers separated by commas, semicolons, tabs or blanks; missing columns are 0. Empty lines, `#`
-/// comments and one header line without numbers are passed over. The first column (nm) must ascend.
+/// The path and the bytes of the file `name` in `folder`, as [`find`] finds it.
+pub fn read(folder: &Path, name: &str, limit: u64) -> Result<(PathBuf, Vec<u8>), FileProblem> {
+    let path = find(folder, name, limit)?;
+    let bytes = read_regular(&path, limit).map_err(|e| FileProblem::Bad {
+        path: name.to_owned(),
+        message: e.to_string(),
+    })?;
+    Ok((path, bytes))
+}
+
+/// Rows of 2 to `N` numbers separated by commas, semicolons, tabs or blanks; with semicolons, or
+/// with commas beside tabs, commas are decimal. Missing columns are 0. Empty lines, `#` comments
+/// and one header line without numbers are passed over. The first column (nm) must ascend.
 ///
 /// # Errors
 /// Problem, in words, with the line.
@@ -102,8 +132,23 @@ fn parse_csv<const N: usize>(text: &str) -> Result<Vec<[f64; N]>, String> {
         if line.is_empty() {
             continue;
         }
-        let is_separator = |c: char| c == ',' || c == ';' || c.is_whitespace();
-        let cells: Vec<&str> = line.split(is_separator).filter(|c| !c.is_empty()).collect();
+        // semicolons (or tabs) between the columns leave commas to the decimals: 546,07;1,5187
+        let decimal_commas = line.contains(';') || line.contains('\t') && line.contains(',');
+        let is_separator = |c: char| match c {
+            ',' => !decimal_commas,
+            _ => c == ';' || c.is_whitespace(),
+        };
+        let cells: Vec<String> = line
+            .split(is_separator)
+            .map(|c| {
+                if decimal_commas {
+                    c.replace(',', ".")
+                } else {
+                    c.to_owned()
+                }
+            })
+            .filter(|c| !c.is_empty())
+            .collect();
         if rows.is_empty() && !header_seen && cells.iter().all(|c| c.parse::<f64>().is_err()) {
             header_seen = true;
             continue;
@@ -147,6 +192,13 @@ mod tests {
             parse_csv::<3>("400 1.5\n500 1.4 0.1").expect("valid"),
             [[400.0, 1.5, 0.0], [500.0, 1.4, 0.1]]
         );
+        for text in [
+            "nm;n\n360,5;1,53\n830;1,51",
+            "nm\tn\n360,5\t1,53\n830\t1,51",
+        ] {
+            let rows = parse_csv::<3>(text).expect("valid");
+            assert_eq!(rows, [[360.5, 1.53, 0.0], [830.0, 1.51, 0.0]], "{text}");
+        }
     }
 
     #[test]

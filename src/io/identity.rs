@@ -1,5 +1,5 @@
-//! Identity of a render: what its images and parts say of how they were made, and the hash that tells whether parts belong
-//! together.
+//! Identity of a render: what its images and parts say of how they were made, and the hash that
+//! tells whether parts belong together.
 
 use super::part::{PartHeader, PassRange};
 use crate::film::Filter;
@@ -40,11 +40,22 @@ fn wavelengths_name(settings: &WavelengthSettings) -> String {
     }
 }
 
-fn unit_name(response: SensorResponse) -> &'static str {
-    match response {
-        SensorResponse::Xyz => "radiance, unit equal-energy radiance has Y = 1",
-        SensorResponse::Photometric => "photometric, 683 lm/W",
+/// Quantity and unit of the image. Detectors measure irradiance, cameras radiance.
+fn unit_name(response: SensorResponse, is_detector: bool) -> &'static str {
+    match (response, is_detector) {
+        (SensorResponse::Xyz, false) => "radiance, unit equal-energy radiance has Y = 1",
+        (SensorResponse::Xyz, true) => {
+            "irradiance, equal-energy irradiance of 1 W/(m^2 nm) has Y = 1"
+        }
+        (SensorResponse::Photometric, false) => "photometric, 683 lm/W",
+        (SensorResponse::Photometric, true) => "photometric irradiance in lx, 683 lm/W",
     }
+}
+
+/// Whether a sensor measures irradiance.
+#[must_use]
+pub fn is_detector(scene: &Scene, sensor: usize) -> bool {
+    scene.sensors[sensor].camera.as_detector().is_some()
 }
 
 /// Header of the parts, and of the images, of a render.
@@ -77,10 +88,16 @@ pub fn header(render: &Render) -> PartHeader {
         height: size.height,
         crop: [crop.x0, crop.y0, crop.x1, crop.y1],
         channels: 3,
+        pilot: render.factors().map_or(0, |found| found.passes.0),
         image: BTreeMap::from_iter(named),
         passes: pass_ranges(render.passes(), settings.seed),
     }
 }
+
+/// Attribute that tells images of cameras from those of detectors.
+pub const SENSOR_KIND: &str = "sensorKind";
+/// Value for a detector.
+pub const DETECTOR: &str = "detector";
 
 /// Attributes of every image: how it was made.
 fn image_values(
@@ -92,6 +109,11 @@ fn image_values(
     let max_depth = settings
         .max_depth
         .map_or_else(|| "unlimited".to_owned(), |d| d.to_string());
+    let kind = if is_detector(scene, sensor) {
+        DETECTOR
+    } else {
+        "camera"
+    };
     vec![
         ("integrator", settings.integrator.to_string()),
         ("heuristic", settings.heuristic.to_string()),
@@ -101,7 +123,11 @@ fn image_values(
         ("filter", filter_name(&scene.sensors[sensor].filter)),
         ("wavelengths", wavelengths_name(&scene.wavelength_settings)),
         ("observer", "CIE 1931 2 degree".to_owned()),
-        ("unit", unit_name(response).to_owned()),
+        (SENSOR_KIND, kind.to_owned()),
+        (
+            "unit",
+            unit_name(response, is_detector(scene, sensor)).to_owned(),
+        ),
     ]
 }
 
@@ -139,7 +165,8 @@ fn merging_values(merging: &Merging, choice: &RadiusChoice) -> Values {
 
 /// Settings that change the estimate and that no attribute of every image tells.
 fn further_values(settings: &Settings) -> Values {
-    // by name, so that a new setting cannot be forgotten; passes and seeds are counted by the header
+    // by name, so that a new setting cannot be forgotten; passes and seeds are counted by the
+    // header
     let Settings {
         integrator: _,
         spp: _,
@@ -188,8 +215,8 @@ fn further_values(settings: &Settings) -> Values {
     ]
 }
 
-/// Hash of all that changes the estimate but scene, seed and passes: of the named values, so that it depends on no name in this
-/// program's code.
+/// Hash of all that changes the estimate but scene, seed and passes: of the named values, so that
+/// it depends on no name in this program's code.
 #[must_use]
 pub fn settings_hash(
     scene: &Scene,

@@ -1,6 +1,7 @@
 //! Images of a render, with what they say of how they were made: XYZ, and spectra.
 //!
-//! An XYZ image is made from the film and a part header alone, so that merged parts and whole renders give the same bytes.
+//! An XYZ image is made from the film and a part header alone, so that merged parts and whole
+//! renders give the same bytes.
 
 use super::exr::{
     Channel, ExrImage, ImageMetadata, MetadataValue, spectral_channel_name, xyz_channels,
@@ -71,7 +72,8 @@ fn metadata(header: &PartHeader) -> ImageMetadata {
     ImageMetadata { entries }
 }
 
-/// The spectral image; `None` where none was kept. Bins hold the mean per nanometer, lines (layer `line`) their power.
+/// The spectral image; `None` where none was kept. Bins hold the mean per nanometer, lines (layer
+/// `line`) their power.
 #[must_use]
 pub fn spectral_of(render: &Render) -> Option<ExrImage> {
     let (spectral, film) = render.outputs().spectral.as_ref()?;
@@ -91,11 +93,13 @@ pub fn spectral_of(render: &Render) -> Option<ExrImage> {
         }
     });
     let mut metadata = metadata(&header);
+    let units = if identity::is_detector(render.scene(), render.sensor()) {
+        "W.m^-2"
+    } else {
+        "W.m^-2.sr^-1"
+    };
     // readers know a spectral image by these two; per nanometer is understood
-    for (name, value) in [
-        ("spectralLayoutVersion", "1.0"),
-        ("emissiveUnits", "W.m^-2.sr^-1"),
-    ] {
+    for (name, value) in [("spectralLayoutVersion", "1.0"), ("emissiveUnits", units)] {
         let value = MetadataValue::Text(value.to_owned());
         metadata.entries.push((name.to_owned(), value));
     }

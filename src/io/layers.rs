@@ -31,12 +31,66 @@ pub enum Layer {
     Class(Regex),
 }
 
+impl Layer {
+    /// Name of the layer's channels, and what an attribute of the image says of them.
+    fn meaning(&self) -> (&'static str, &'static str) {
+        match self {
+            Self::Error => (
+                "error",
+                "standard error of Y, in its unit; infinite while it is unknown",
+            ),
+            Self::Strategies => (
+                "sNtM",
+                "X, Y, Z of paths made with N vertices from the light and M from the sensor",
+            ),
+            Self::Depth => (
+                "depth",
+                "distance from the camera to the first hit along the ray through the pixel's \
+                 center, in m, in the middle of the shutter; 0 where nothing is hit",
+            ),
+            Self::Normal => (
+                "normal",
+                "unit shading normal of the first hit in world space, in the middle of the \
+                 shutter; 0, 0, 0 where nothing is hit",
+            ),
+            Self::Albedo => (
+                "albedo",
+                "X, Y, Z of the reflectance of the first hit under equal-energy light, in the \
+                 middle of the shutter; 0, 0, 0 where nothing is hit",
+            ),
+            Self::Regularized => (
+                "regularized",
+                "X, Y, Z of strategies that join at specular surfaces",
+            ),
+            Self::Unbiased => (
+                "unbiased",
+                "X, Y, Z of strategies that do not join at specular surfaces",
+            ),
+            Self::Bias => (
+                "bias",
+                "estimated bias of Y by regularization, in its unit; infinite while it is unknown",
+            ),
+            Self::Class(_) => (
+                "class",
+                "X, Y, Z of paths whose class matches the expression of attribute classN",
+            ),
+        }
+    }
+}
+
 /// Adds the extra layers asked for to an XYZ image.
 pub fn add(image: &mut ExrImage, layers: &[Layer], render: &Render, guides: &[Guide]) {
     let passes = render.passes().len() as u64;
     let mut classes = render.outputs().classes.iter();
     let mut class_count = 0;
     for layer in layers {
+        let (name, meaning) = layer.meaning();
+        let attribute = format!("layer:{name}");
+        // several classes have one meaning
+        if image.metadata.get(&attribute).is_none() {
+            let meaning = MetadataValue::Text(meaning.to_owned());
+            image.metadata.entries.push((attribute, meaning));
+        }
         let channels = &mut image.channels;
         match layer {
             Layer::Error => {

@@ -4,7 +4,7 @@ use super::scene_file::{self, OutputUnits, SceneFileErrors};
 use crate::scene::frozen::Frozen;
 use crate::scene::{Scene, Settings};
 use crate::spectrum::SensorResponse;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Why a scene file gives no scene, or not the sensor asked for.
@@ -42,6 +42,8 @@ pub struct Loaded {
     pub units: OutputUnits,
     /// Things that are legal but surely not meant.
     pub warnings: Vec<String>,
+    /// Files that were read.
+    pub files: Vec<PathBuf>,
 }
 
 /// Reads and builds a scene.
@@ -67,11 +69,14 @@ pub fn load_frozen(
     }
     let scene =
         Scene::build(file.description).map_err(|error| file.places.build_error(path, &error))?;
+    let mut warnings = file.warnings;
+    warnings.extend(scene.notes.iter().cloned());
     Ok(Loaded {
         scene: Arc::new(scene),
         settings: file.settings,
         units: file.units,
-        warnings: file.warnings,
+        warnings,
+        files: file.files,
     })
 }
 

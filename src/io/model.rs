@@ -1,7 +1,8 @@
 //! Models: what a file of another program holds (glTF, OBJ with MTL, PLY), as parts of a scene.
 //!
-//! A model brings surfaces and materials, and what lights and cameras its file has; [`Model::add_to`] puts it into a scene.
-//! Where a scene has no camera or light at all, [`standard_camera`] and [`studio`] stand in.
+//! A model brings surfaces and materials, and what lights and cameras its file has;
+//! [`Model::add_to`] puts it into a scene. Where a scene has no camera or light at all,
+//! [`standard_camera`] and [`studio`] stand in.
 
 use crate::camera::Camera;
 use crate::camera::Resolution;
@@ -17,13 +18,13 @@ use crate::scene::description::{
 use crate::spectrum::Emission;
 use crate::texture::Image;
 use glam::{DAffine3, DMat3, DVec3};
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Most pixels of an image: the sums of 2^28 pixels take 26 GB.
 pub const MAX_PIXELS: u64 = 1 << 28;
 /// Largest model file.
-pub const MAX_MODEL_BYTES: u64 = 4 << 30;
+pub const MAX_MODEL_BYTES: u64 = 2 << 30;
 
 /// How a camera of a model projects.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +50,7 @@ pub enum Projection {
 pub struct ModelCamera {
     /// Name in the file.
     pub name: String,
-    /// Its place over the shutter: looks along -z, +y up.
+    /// Pose over the shutter: looks along -z, +y up.
     pub transform: Transform,
     /// How it projects.
     pub projection: Projection,
@@ -68,13 +69,16 @@ pub struct Model {
     pub lights: Vec<LightDescription>,
     /// Cameras, in the world.
     pub cameras: Vec<ModelCamera>,
-    /// Whether it means to be lit by what it brings: it has lights, or its format knows no others than surfaces that
-    /// emit. (Files of glTF without lights expect surroundings, glowing parts or not.)
+    /// Whether it means to be lit by what it brings: it has lights, or its format knows no others
+    /// than surfaces that emit. (Files of glTF without lights expect surroundings, glowing parts or
+    /// not.)
     pub lit: bool,
     /// Whether animations play, whether or not they show in the time asked for.
     pub animated: bool,
-    /// What was not understood or taken otherwise than the file may mean, one line each.
+    /// Notes on what was not understood or taken otherwise than the file may mean, one line each.
     pub notes: Vec<String>,
+    /// Files that were read beside its own.
+    pub files: Vec<PathBuf>,
     /// Hash of the files it was read from.
     pub hash: u64,
 }
@@ -86,19 +90,11 @@ pub struct Staging {
     pub to_world: DAffine3,
     /// The moment of its animations at the time 0 of the scene, in seconds.
     pub at_s: f64,
-    /// The animation that plays, by name or number; `None`: all, but those that move what an earlier one moves.
+    /// The animation that plays, by name or number; `None`: all, but those that move what an
+    /// earlier one moves.
     pub animation: Option<String>,
     /// The time for which any shutter is open.
     pub shutter: Shutter,
-}
-
-/// The bytes of a file of bounded size.
-pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, String> {
-    let size = path.metadata().map_err(|e| e.to_string())?.len();
-    if size > MAX_MODEL_BYTES {
-        return Err(format!("{size} bytes (allowed: at most {MAX_MODEL_BYTES})"));
-    }
-    std::fs::read(path).map_err(|e| e.to_string())
 }
 
 impl Model {
@@ -220,8 +216,8 @@ pub fn standard_camera(objects: &[ObjectDescription]) -> ModelCamera {
     }
 }
 
-/// The surroundings of models without light: a gray room with a large soft lamp at the upper left and a strip behind, of
-/// mean luminance near that of `white`.
+/// The surroundings of models without light: a gray room with a large soft lamp at the upper left
+/// and a strip behind, of mean luminance near that of `white`.
 #[must_use]
 pub fn studio(white: Emission, to_world: DMat3) -> Light {
     const WIDTH: u32 = 128;

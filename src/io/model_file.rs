@@ -1,8 +1,9 @@
 //! The kinds of model files, and reading one of whatever kind.
 
 use super::atomic::folder;
+use super::files::read_regular;
 use super::gltf::read as read_gltf;
-use super::model::{Model, Staging, read_file};
+use super::model::{MAX_MODEL_BYTES, Model, Staging};
 use super::{mtl, ply};
 use std::path::Path;
 
@@ -44,9 +45,10 @@ impl ModelKind {
 /// Reads a model; files it names are looked for in its folder.
 ///
 /// # Errors
-/// What is wrong, in words, without the file's name.
+/// Fault, in words, without the file's name.
 pub fn load(path: &Path, kind: ModelKind, staging: &Staging) -> Result<Model, String> {
-    read(&read_file(path)?, path, kind, staging)
+    let bytes = read_regular(path, MAX_MODEL_BYTES).map_err(|e| e.to_string())?;
+    read(&bytes, path, kind, staging)
 }
 
 /// Reads a model from the bytes of its file.
@@ -64,7 +66,10 @@ pub fn read(
     match kind {
         ModelKind::Gltf => read_gltf(bytes, folder, staging),
         ModelKind::Obj => mtl::read(bytes, folder, to_world),
-        ModelKind::Ply => ply::read(bytes).map(|mesh| mtl::plain(mesh, path, to_world)),
+        ModelKind::Ply => ply::read(bytes).map(|loaded| Model {
+            notes: loaded.notes,
+            ..mtl::plain(loaded.mesh, loaded.origin, path, to_world)
+        }),
     }
     .map(|mut model| {
         let emits = model.objects.iter().any(|o| o.emission.is_some());

@@ -1,21 +1,24 @@
 //! Part files: the exact sums of a film after some passes, to be added to others or resumed.
 //!
-//! Layout, little-endian: magic `abbepart`, u32 version, u32 header length, header (JSON), sums (i128, half by half, row by
-//! row, channels innermost), u64 checksum of everything before it. Integer sums: any order of merging gives the same bits.
+//! Layout, little-endian: magic `abbepart`, u32 version, u32 header length, header (JSON), sums
+//! (i128, half by half, row by row, channels innermost), u64 checksum of everything before it.
+//! Integer sums: any order of merging gives the same bits.
 
 use super::atomic::{FileError, write_atomic};
+use super::files::read_regular;
 use super::identity;
 use crate::film::Crop;
 use crate::math::hash::hash_bytes;
-use crate::render::{Render, Session};
+use crate::render::{PilotPasses, Render, Session};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 8] = *b"abbepart";
-/// 1 hashed settings by the names of this program's code, and its sums took random numbers in their order of use.
-const VERSION: u32 = 2;
+/// 1 hashed settings by the names of this program's code, and its sums took random numbers in their
+/// order of use. 2 did not say how the variance factors of its weights were found.
+const VERSION: u32 = 3;
 /// Before the header: magic, version, header length.
 const PREFIX: usize = 16;
 const CHECKSUM: usize = 8;
@@ -39,7 +42,7 @@ pub struct PassRange {
     pub end: u64,
 }
 
-/// What the sums are of.
+/// Quantity that the sums are of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PartHeader {
@@ -59,7 +62,10 @@ pub struct PartHeader {
     pub crop: [u32; 4],
     /// Channels per pixel.
     pub channels: u32,
-    /// What the image says of its settings: attribute and text.
+    /// Passes per group of the pilot that found the variance factors of the weights; 0: by rule, or
+    /// none.
+    pub pilot: u32,
+    /// Settings as the image tells them: attribute and text.
     pub image: BTreeMap<String, String>,
     /// Passes in the sums: sorted, disjoint, not touching.
     pub passes: Vec<PassRange>,
@@ -101,6 +107,10 @@ impl PartHeader {
         if self.passes.iter().any(|p| p.start >= p.end) {
             return Err("a range of passes is empty");
         }
+        // passes are counted in 32 bits
+        if self.passes.iter().any(|p| p.end > u64::from(u32::MAX)) {
+            return Err("a pass is beyond 2^32 - 2");
+        }
         let apart = |w: &[PassRange]| {
             w[0].seed < w[1].seed || w[0].seed == w[1].seed && w[0].end < w[1].start
         };
@@ -114,7 +124,7 @@ impl PartHeader {
 /// A part: header and sums.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// What the sums are of.
+    /// Quantity that the sums are of.
     pub header: PartHeader,
     /// Fixed-point sums, half by half, row by row, channels innermost.
     pub sums: Vec<i128>,
@@ -131,7 +141,7 @@ pub enum PartError {
     Format {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault, in words.
         message: String,
     },
     /// A render that is not the one that the part is of.
@@ -139,13 +149,13 @@ pub enum PartError {
     Resume {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault, in words.
         message: String,
     },
     /// Parts that do not belong together.
     #[error("parts differ in {what}: {first} and {second}")]
     Mismatch {
-        /// What differs.
+        /// Setting that differs.
         what: &'static str,
         /// In the first part.
         first: String,
@@ -182,6 +192,15 @@ pub fn resume(session: &mut Session, path: &Path) -> Result<(), PartError> {
         message,
     };
     let Part { header, sums } = read(path)?;
+    {
+        // weights as they were, also where this render is longer
+        let pilot = session.render().factors().map(|found| found.passes);
+        if pilot.is_some_and(|passes| passes.0 != header.pilot) {
+            let passes = PilotPasses::known(header.pilot)
+                .ok_or_else(|| refused(format!("it names a pilot of {} passes", header.pilot)))?;
+            session.repeat_pilot(passes);
+        }
+    }
     let (expected, seed) = {
         let render = session.render();
         (identity::header(&render), render.settings().seed)
@@ -224,21 +243,31 @@ pub fn write(path: &Path, part: &Part) -> Result<(), PartError> {
     Ok(write_atomic(path, |w| w.write_all(&bytes))?)
 }
 
+/// Whether a file begins as a part does.
+///
+/// # Errors
+/// The file cannot be opened or read.
+pub fn is_part(path: &Path) -> Result<bool, PartError> {
+    let begin = || {
+        let mut first = Vec::new();
+        // a pipe is not even opened: that would wait for a writer
+        if !path.metadata()?.is_file() {
+            return Ok(false);
+        }
+        let file = std::fs::File::open(path)?;
+        file.take(MAGIC.len() as u64).read_to_end(&mut first)?;
+        Ok(first == MAGIC)
+    };
+    begin().map_err(|e| PartError::from(FileError::new(path, e)))
+}
+
 /// Reads a part.
 ///
 /// # Errors
 /// The file cannot be read or is not a valid part.
 pub fn read(path: &Path) -> Result<Part, PartError> {
     let file_error = |e| PartError::from(FileError::new(path, e));
-    let size = std::fs::metadata(path).map_err(file_error)?.len();
-    if size > MAX_PART_BYTES {
-        let message = format!("{size} bytes, allowed: at most {MAX_PART_BYTES}");
-        return Err(PartError::Format {
-            path: path.to_owned(),
-            message,
-        });
-    }
-    let bytes = std::fs::read(path).map_err(file_error)?;
+    let bytes = read_regular(path, MAX_PART_BYTES).map_err(file_error)?;
     decode(&bytes).map_err(|message| PartError::Format {
         path: path.to_owned(),
         message,
@@ -312,7 +341,8 @@ fn decode(bytes: &[u8]) -> Result<Part, String> {
     })
 }
 
-/// Adds up parts of disjoint passes of the same scene, settings, sensor and crop. The order does not matter.
+/// Adds up parts of disjoint passes of the same scene, settings, sensor and crop. The order does
+/// not matter.
 ///
 /// # Errors
 /// Parts that differ, overlap, or whose sums overflow.
@@ -358,7 +388,12 @@ fn check_same(a: &PartHeader, b: &PartHeader) -> Result<(), PartError> {
         format!("{} x {}", b.width, b.height),
     )?;
     differ("crop", format!("{:?}", a.crop), format!("{:?}", b.crop))?;
-    differ("channels", a.channels.to_string(), b.channels.to_string())
+    differ("channels", a.channels.to_string(), b.channels.to_string())?;
+    differ(
+        "passes of the pilot",
+        a.pilot.to_string(),
+        b.pilot.to_string(),
+    )
 }
 
 /// The union of two lists of ranges: sorted, touching ranges joined.
@@ -401,6 +436,7 @@ mod tests {
             height: 3,
             crop: [1, 0, 3, 2],
             channels: 3,
+            pilot: 0,
             image: BTreeMap::from([("integrator".to_owned(), "bdpt".to_owned())]),
             passes: vec![PassRange { seed, start, end }],
         };
@@ -469,11 +505,11 @@ mod tests {
         let dir = tempfile::tempdir().expect("temporary folder");
         let path = dir.path().join("old.part");
         let mut bytes = encode(&part(1, 0, 2, 5)).expect("valid");
-        bytes[8..12].copy_from_slice(&1_u32.to_le_bytes());
+        bytes[8..12].copy_from_slice(&2_u32.to_le_bytes());
         std::fs::write(&path, bytes).expect("writes");
         let message = read(&path).expect_err("refused").to_string();
         let expected = format!(
-            "{}: not a valid part file (version 1, this program reads version 2: render the passes again)",
+            "{}: not a valid part file (version 2, this program reads version 3: render the passes again)",
             path.display()
         );
         assert_eq!(message, expected);

@@ -1,5 +1,5 @@
-//! Reasons in English, for images, reports and the command line: why a render is regularized, and how its first cone and
-//! radius were found.
+//! Reasons in English, for images, reports and the command line: why a render is regularized, and
+//! how its first cone and radius were found.
 
 use crate::render::epsilon::{BLUR_PIXELS, EpsilonReason, Prior, Refinement};
 use crate::render::merging::{PIXELS, RadiusReason, SHARE};

@@ -1,7 +1,8 @@
 //! Lambertian emission from the surface of an instance.
 //!
-//! Radiance is the same in every direction of an emitting side, and over the whole surface but for a pattern. Points are drawn by world
-//! area (a mesh is one light with one area table), directions by the cosine.
+//! Radiance is the same in every direction of an emitting side, and over the whole surface but for
+//! a pattern. Points are drawn by world area (a mesh is one light with one area table), directions
+//! by the cosine.
 
 use super::{DirectSample, EmissionSample, factor, unit_from_to};
 use crate::geometry::area::AreaSample;
@@ -20,7 +21,7 @@ pub struct AreaLight {
     pub instance: InstanceId,
     /// Factor on the radiance over the surface; `None`: 1.
     pub pattern: Option<SpectrumTexture>,
-    /// What draws its points.
+    /// Sampler of points of the surface.
     pub sampler: AreaSampler,
     /// Whether the back emits as well as the side of the geometric normal.
     pub two_sided: bool,

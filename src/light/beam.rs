@@ -8,8 +8,8 @@ use crate::math::sampling;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
-/// Irradiance across a beam that starts on a disk in the plane z = 0 of its own space and travels along +z: W/(m² nm), and
-/// W/m² per line.
+/// Irradiance across a beam that starts on a disk in the plane z = 0 of its own space and travels
+/// along +z: W/(m² nm), and W/m² per line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeamLight {
     /// Radius of the aperture in metres, > 0.

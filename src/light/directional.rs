@@ -1,14 +1,15 @@
 //! Parallel light over the whole scene, as from the sun.
 //!
-//! Emission starts on a disc of the bounding sphere's radius, outside the scene and normal to the light.
+//! Emission starts on a disc of the bounding sphere's radius, outside the scene and normal to the
+//! light.
 
 use super::{DirectSample, EmissionSample, factor, far_disk_origin, placed_axis};
 use crate::geometry::{AccelAt, DirectionalDensity, EndPoint, Placement};
 use glam::DVec2;
 use std::f64::consts::PI;
 
-/// Irradiance on a surface that faces a light at infinity, which travels along the +z axis of its own space (the position
-/// does not matter): W/(m² nm), and W/m² per line.
+/// Irradiance on a surface that faces a light at infinity, which travels along the +z axis of its
+/// own space (the position does not matter): W/(m² nm), and W/m² per line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DirectionalLight;
 

@@ -1,7 +1,8 @@
 //! Light from every direction: the same radiance everywhere, or that of an image.
 //!
-//! x₀ is a direction, measured in solid angle in every strategy. Emission draws the direction (evenly, or by the image),
-//! then a point of the disc of the bounding sphere's radius, outside the scene and normal to it.
+//! x₀ is a direction, measured in solid angle in every strategy. Emission draws the direction
+//! (evenly, or by the image), then a point of the disc of the bounding sphere's radius, outside the
+//! scene and normal to it.
 
 use super::environment_image::EnvironmentImage;
 use super::{DirectSample, EmissionSample, factor, far_disk_origin};
@@ -19,7 +20,8 @@ pub struct EnvironmentLight {
     pub image: Option<Arc<EnvironmentImage>>,
 }
 
-/// Placement of a thing that turns the image beyond its own place; `None`: nothing does. Only the rotation matters.
+/// Placement of a thing that turns the image beyond its own place; `None`: nothing does. Only the
+/// rotation matters.
 type Turn<'a> = Option<&'a Placement>;
 
 impl EnvironmentLight {
@@ -44,7 +46,8 @@ impl EnvironmentLight {
         Some(image.factor(Self::at_rest(turn, direction), wavelengths))
     }
 
-    /// Density per solid angle of the direction in which the light travels, for emission and connection alike.
+    /// Density per solid angle of the direction in which the light travels, for emission and
+    /// connection alike.
     pub(super) fn direction_pdf(&self, turn: Turn, direction: DVec3) -> f64 {
         self.image
             .as_ref()

@@ -1,9 +1,9 @@
 //! An image around the scene: equirectangular, drawn from in proportion to its luminance.
 //!
-//! Radiance is bilinear between the centers of texels. The density is constant over each texel, in proportion to the
-//! mean of that radiance over it, which is exact: a bilinear interpolant has the mean (1 6 1)/8 ⊗ (1 6 1)/8 of the texels
-//! around (Pharr, Jakob, Humphreys 2016, 14.2.4, draws from the texels themselves and would miss dark texels beside bright
-//! ones).
+//! Radiance is bilinear between the centers of texels. The density is constant over each texel, in
+//! proportion to the mean of that radiance over it, which is exact: a bilinear interpolant has the
+//! mean (1 6 1)/8 ⊗ (1 6 1)/8 of the texels around (Pharr, Jakob, Humphreys 2016, 14.2.4, draws
+//! from the texels themselves and would miss dark texels beside bright ones).
 
 use crate::math::distribution::AliasTable;
 use crate::spectrum::{SampledSpectrum, SampledWavelengths, upsample};
@@ -15,8 +15,8 @@ use std::sync::Arc;
 /// Luminance of linear sRGB.
 const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// An image of factors on the radiance by direction. Row 0 is up (+y), the middle column looks along -z, columns run to the
-/// right (+x follows -z).
+/// An image of factors on the radiance by direction. Row 0 is up (+y), the middle column looks
+/// along -z, columns run to the right (+x follows -z).
 #[derive(Clone, Debug)]
 pub struct EnvironmentImage {
     texture: ImageTexture,
@@ -89,7 +89,8 @@ impl EnvironmentImage {
         self.mean
     }
 
-    /// Place on the image, (0, 0) at the upper left, of light that travels along the unit vector `direction`.
+    /// Place on the image, (0, 0) at the upper left, of light that travels along the unit vector
+    /// `direction`.
     fn place(&self, direction: DVec3) -> DVec2 {
         let d = self.to_image * -direction;
         let x = 0.5 + d.x.atan2(-d.z) / TAU;
@@ -114,7 +115,8 @@ impl EnvironmentImage {
         self.texels.pmf(y * w + x) / (row_height(y, h) * TAU / w as f64)
     }
 
-    /// A direction in which light travels, drawn by `u_texel` (the texel) and `u` (the place in it), and its density.
+    /// A direction in which light travels, drawn by `u_texel` (the texel) and `u` (the place in
+    /// it), and its density.
     #[must_use]
     pub fn sample(&self, u_texel: f64, u: DVec2) -> (DVec3, f64) {
         let (w, h) = (self.image().width(), self.image().height());

@@ -1,11 +1,12 @@
 //! Light sources: where sub-paths of light begin and where camera paths may end.
 //!
-//! Values are in basic radiance units as `transport` needs them; the probability of choosing a light is not in here (see
-//! [`selection`]). Numbers for sampling are passed in. Lights with a direction shine along the +z axis of their own
-//! space, the side to which flat shapes emit and detectors receive.
+//! Values are in basic radiance units as `transport` needs them; the probability of choosing a
+//! light is not in here (see [`selection`]). Numbers for sampling are passed in. Lights with a
+//! direction shine along the +z axis of their own space, the side to which flat shapes emit and
+//! detectors receive.
 //!
-//! The modules of the kinds describe geometry alone, for unit emission; [`Light`] multiplies by the spectrum.
-//! Densities and values follow Veach 1997, chapters 8 and 10.
+//! The modules of the kinds describe geometry alone, for unit emission; [`Light`] multiplies by the
+//! spectrum. Densities and values follow Veach 1997, chapters 8 and 10.
 
 pub mod area;
 pub mod beam;
@@ -46,13 +47,13 @@ pub struct EmissionSample {
     pub origin: DVec3,
     /// Unit direction in which light leaves.
     pub direction: DVec3,
-    /// Density of x₀: per area; discrete (1) for delta positions and directional/beam lights; per solid angle of its
-    /// direction for the environment. Without the selection probability.
+    /// Density of x₀: per area; discrete (1) for delta positions and directional/beam lights; per
+    /// solid angle of its direction for the environment. Without the selection probability.
     pub pdf_x0: f64,
     /// Density of the direction (or of the parallel ray), which gives the area density of x₁.
     pub pdf_direction: DirectionalDensity,
-    /// Throughput after the first direction: emitted basic radiance × η² cosθ₀ / (pdf_x0 · pdf_direction), i.e.
-    /// `L_e cosθ₀/(..)`, `I/p_ω`, `E_⊥ π R_s²`, ... : the index cancels.
+    /// Throughput after the first direction: emitted basic radiance × η² cosθ₀ / (pdf_x0 ·
+    /// pdf_direction), i.e. `L_e cosθ₀/(..)`, `I/p_ω`, `E_⊥ π R_s²`, ... : the index cancels.
     pub weight: SampledSpectrum,
 }
 
@@ -65,14 +66,17 @@ pub struct DirectSample {
     pub toward: DVec3,
     /// Distance to x₀; infinite for lights at infinity.
     pub distance: f64,
-    /// Density of x₀ under this sampling (measure of `EmissionSample::pdf_x0`), without the selection probability.
+    /// Density of x₀ under this sampling (measure of `EmissionSample::pdf_x0`), without the
+    /// selection probability.
     pub pdf: f64,
-    /// `L_e cosθ₀/(d² pdf)` (area), `I/d²` (point, spot), `E_⊥` (directional, beam), `L/pdf` (environment): everything of the
-    /// connection but |cosθ₁|, the kernel at x₁, the selection probability, visibility and absorption.
+    /// `L_e cosθ₀/(d² pdf)` (area), `I/d²` (point, spot), `E_⊥` (directional, beam), `L/pdf`
+    /// (environment): everything of the connection but |cosθ₁|, the kernel at x₁, the selection
+    /// probability, visibility and absorption.
     pub value: SampledSpectrum,
 }
 
-/// The measure in which x₀ has its density, which says how a camera path's density of hitting it is expressed.
+/// The measure in which x₀ has its density, which says how a camera path's density of hitting it is
+/// expressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HitMeasure {
     /// Per area: the light can be hit.
@@ -88,8 +92,8 @@ pub enum HitMeasure {
 pub struct Light {
     /// Spectrum of the emission, in the unit of its kind.
     pub emission: Emission,
-    /// Placement over the shutter; `None`: its own space is the world, or it is a surface, whose instance has it. An
-    /// environment has one where something turns its image.
+    /// Placement over the shutter; `None`: its own space is the world, or it is a surface, whose
+    /// instance has it. An environment has one where something turns its image.
     pub transform: Option<Transform>,
     /// The way it emits.
     pub kind: LightKind,
@@ -148,7 +152,8 @@ impl Light {
         }
     }
 
-    /// A point at rest that shines along `direction` (any non-zero length) with `intensity` on the axis.
+    /// A point at rest that shines along `direction` (any non-zero length) with `intensity` on the
+    /// axis.
     #[must_use]
     pub fn spot(position: DVec3, direction: DVec3, intensity: Emission, cone: SpotLight) -> Self {
         Self {
@@ -168,8 +173,8 @@ impl Light {
         }
     }
 
-    /// A beam at rest whose aperture of radius `radius_m` is centred on `position` and which travels along `direction` (any
-    /// non-zero length).
+    /// A beam at rest whose aperture of radius `radius_m` is centred on `position` and which
+    /// travels along `direction` (any non-zero length).
     #[must_use]
     pub fn beam(position: DVec3, direction: DVec3, irradiance: Emission, radius_m: f64) -> Self {
         Self {
@@ -207,7 +212,8 @@ impl Light {
         }
     }
 
-    /// The same light inside a hierarchy of moving `parents` (the outermost first; without scale) over `shutter`.
+    /// The same light inside a hierarchy of moving `parents` (the outermost first; without scale)
+    /// over `shutter`.
     #[must_use]
     pub fn under(mut self, parents: &[Link], shutter: Shutter) -> Self {
         let is_fixed = match &self.kind {
@@ -252,14 +258,9 @@ impl Light {
         )
     }
 
-    /// Emitted power weighted by visibility (any common unit): for choosing lights.
-    #[must_use]
-    pub fn power(&self, geometry: &AccelAt) -> f64 {
-        self.emission.visible_power() * self.flux_factor(geometry)
-    }
-
     /// Flux per unit emission that can reach the scene.
-    fn flux_factor(&self, geometry: &AccelAt) -> f64 {
+    #[must_use]
+    pub fn flux_factor(&self, geometry: &AccelAt) -> f64 {
         match &self.kind {
             LightKind::Area(light) => light.flux_factor(geometry),
             LightKind::Point(_) => PointLight::FLUX_FACTOR,
@@ -270,8 +271,8 @@ impl Light {
         }
     }
 
-    /// Roughly the angular radius in radians under which the light is seen from `p`; 0 for lights without extent and for the
-    /// environment.
+    /// Roughly the angular radius in radians under which the light is seen from `p`; 0 for lights
+    /// without extent and for the environment.
     #[must_use]
     pub fn angular_radius(&self, geometry: &AccelAt, p: DVec3) -> f64 {
         let Some(light) = self.as_area() else {
@@ -283,8 +284,8 @@ impl Light {
         radius.atan2(center.distance(p))
     }
 
-    /// Starts a light sub-path. `u_face` picks a face or triangle, `u_pos` the position, `u_dir` the direction. `None` where
-    /// nothing leaves (zero density).
+    /// Starts a light sub-path. `u_face` picks a face or triangle, `u_pos` the position, `u_dir`
+    /// the direction. `None` where nothing leaves (zero density).
     #[must_use]
     pub fn sample_emission(
         &self,
@@ -365,7 +366,8 @@ impl Light {
         }
     }
 
-    /// Density of `x0` (as `EmissionSample::pdf_x0`) and of leaving it in `direction` (unit, away from the light).
+    /// Density of `x0` (as `EmissionSample::pdf_x0`) and of leaving it in `direction` (unit, away
+    /// from the light).
     #[must_use]
     pub fn emission_density(
         &self,
@@ -393,7 +395,8 @@ impl Light {
         }
     }
 
-    /// Connects `x1` to the light. `None` where no light can arrive (behind, outside the cone or the aperture).
+    /// Connects `x1` to the light. `None` where no light can arrive (behind, outside the cone or
+    /// the aperture).
     #[must_use]
     pub fn sample_direct(
         &self,
@@ -432,7 +435,8 @@ impl Light {
         }
     }
 
-    /// Density with which `sample_direct` from `x1` generates `x0`. 0 where `sample_direct` would give `None`.
+    /// Density with which `sample_direct` from `x1` generates `x0`. 0 where `sample_direct` would
+    /// give `None`.
     #[must_use]
     pub fn direct_density(&self, geometry: &AccelAt, x1: DVec3, x0: &EndPoint) -> f64 {
         match &self.kind {
@@ -460,7 +464,8 @@ impl Light {
         }
     }
 
-    /// Emitted radiance of an area light from `point` in unit `direction` (away from the light): 0 on a dark side.
+    /// Emitted radiance of an area light from `point` in unit `direction` (away from the light): 0
+    /// on a dark side.
     #[must_use]
     pub fn radiance(
         &self,
@@ -480,8 +485,8 @@ impl Light {
         }
     }
 
-    /// Radiance that arrives from infinity along a ray that travels in unit `direction` (away from the eye). 0
-    /// unless an environment.
+    /// Radiance that arrives from infinity along a ray that travels in unit `direction` (away from
+    /// the eye). 0 unless an environment.
     #[must_use]
     pub fn escaped_radiance(
         &self,
@@ -531,7 +536,8 @@ fn placed_axis(place: &Placement) -> DVec3 {
     place.to_world.matrix3.z_axis.normalize()
 }
 
-/// A point of the disc of the bounding sphere's radius, one radius before the centre, normal to `direction`.
+/// A point of the disc of the bounding sphere's radius, one radius before the centre, normal to
+/// `direction`.
 fn far_disk_origin(geometry: &AccelAt, direction: DVec3, u: DVec2) -> DVec3 {
     let disk = sampling::disk(u.into()).extend(-1.0);
     geometry.accel().center() + geometry.accel().radius() * Frame::from_z(direction).to_outer(disk)

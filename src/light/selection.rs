@@ -6,7 +6,8 @@ use crate::math::distribution::AliasTable;
 /// Share of the probability that is spread evenly over all lights.
 const UNIFORM_SHARE: f64 = 0.1;
 
-/// Chooses lights in proportion to their power (alias table), with a uniform share of 10 % so that no light is starved.
+/// Chooses lights in proportion to their power (alias table), with a uniform share of 10 % so that
+/// no light is starved.
 #[derive(Clone, Debug, Default)]
 pub struct LightSelection {
     table: Option<AliasTable>,
@@ -14,7 +15,8 @@ pub struct LightSelection {
 }
 
 impl LightSelection {
-    /// From the lights' powers (any common unit; non-finite or negative counts as 0). All equal if no power is left.
+    /// From the lights' powers (any common unit; non-finite or negative counts as 0). All equal if
+    /// no power is left.
     #[must_use]
     pub fn new(powers: &[f64]) -> Self {
         let usable = |p: f64| if p.is_finite() && p > 0.0 { p } else { 0.0 };
@@ -39,7 +41,8 @@ impl LightSelection {
         }
     }
 
-    /// A light and its probability, from `u` in [0,1); also `u` made uniform again. `None` without lights.
+    /// A light and its probability, from `u` in [0,1); also `u` made uniform again. `None` without
+    /// lights.
     #[must_use]
     pub fn sample(&self, u: f64) -> Option<(LightId, f64, f64)> {
         let sample = self.table.as_ref()?.sample(u);

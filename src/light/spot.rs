@@ -1,7 +1,8 @@
 //! A point that shines into a cone with a soft edge.
 //!
-//! Intensity is full within `falloff_start_rad` of the axis and falls by a smooth step in the cosine to 0 at
-//! `cone_rad`. Directions are drawn exactly in proportion to it, so every emitted path has the same weight.
+//! Intensity is full within `falloff_start_rad` of the axis and falls by a smooth step in the
+//! cosine, or its square, to 0 at `cone_rad`. Directions are drawn exactly in proportion to it, so
+//! every emitted path has the same weight.
 
 use super::{DirectSample, EmissionSample, factor, placed_axis, unit_from_to};
 use crate::geometry::{DirectionalDensity, EndPoint, Placement};
@@ -9,14 +10,52 @@ use crate::math::frame::Frame;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// Radiant intensity on the axis of a cone, from the origin of its own space around its +z axis: W/(sr nm), and W/sr per
-/// line.
+/// How intensity falls at the edge: a function of t, which falls from 1 to 0 in proportion to the
+/// cosine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Falloff {
+    /// 3t² − 2t³.
+    #[default]
+    SmoothStep,
+    /// t² (what the glTF extension KHR_lights_punctual recommends).
+    Square,
+}
+
+impl Falloff {
+    fn at(self, t: f64) -> f64 {
+        match self {
+            Self::SmoothStep => t * t * (3.0 - 2.0 * t),
+            Self::Square => t * t,
+        }
+    }
+
+    /// Mean over t.
+    fn mean(self) -> f64 {
+        match self {
+            Self::SmoothStep => 0.5,
+            Self::Square => 1.0 / 3.0,
+        }
+    }
+
+    /// The t below which lies the part `u` of its integral.
+    fn invert(self, u: f64) -> f64 {
+        match self {
+            Self::SmoothStep => invert_smooth_step(u),
+            Self::Square => u.cbrt().clamp(0.0, 1.0),
+        }
+    }
+}
+
+/// Radiant intensity on the axis of a cone, from the origin of its own space around its +z axis:
+/// W/(sr nm), and W/sr per line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpotLight {
     /// Half-angle of the cone in radians, 0 < `cone_rad` <= π.
     pub cone_rad: f64,
     /// Half-angle of full intensity in radians, 0 <= `falloff_start_rad` <= `cone_rad`.
     pub falloff_start_rad: f64,
+    /// How it falls between.
+    pub falloff: Falloff,
 }
 
 /// 1 − cos without cancellation.
@@ -27,7 +66,8 @@ fn versine(angle_rad: f64) -> f64 {
 
 /// Inverse of `2t³ − t⁴`, the distribution function of the smooth step `3t² − 2t³` on [0, 1].
 fn invert_smooth_step(u: f64) -> f64 {
-    // t = (u/(2 − t))^(1/3) contracts by at least 3 per step; Newton's method then doubles the digits
+    // t = (u/(2 − t))^(1/3) contracts by at least 3 per step; Newton's method then doubles the
+    // digits
     let mut t = 0.5 * u;
     for _ in 0..4 {
         t = (u / (2.0 - t)).cbrt();
@@ -47,9 +87,9 @@ impl SpotLight {
         versine(self.cone_rad) - versine(self.falloff_start_rad)
     }
 
-    /// Flux per unit intensity: the integral of the falloff over directions (a smooth step has mean 1/2).
+    /// Flux per unit intensity: the integral of the falloff over directions.
     pub(super) fn flux_factor(&self) -> f64 {
-        TAU * (versine(self.falloff_start_rad) + 0.5 * self.soft_width())
+        TAU * (versine(self.falloff_start_rad) + self.falloff.mean() * self.soft_width())
     }
 
     /// Intensity relative to the axis, from `v` = 1 − cos of the angle to the axis.
@@ -58,11 +98,7 @@ impl SpotLight {
             return 1.0;
         }
         let t = (versine(self.cone_rad) - v) / self.soft_width();
-        if t > 0.0 {
-            t * t * (3.0 - 2.0 * t)
-        } else {
-            0.0
-        }
+        if t > 0.0 { self.falloff.at(t) } else { 0.0 }
     }
 
     fn falloff_along(&self, place: &Placement, direction: DVec3) -> f64 {
@@ -81,12 +117,13 @@ impl SpotLight {
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
         let full = versine(self.falloff_start_rad);
-        let soft = 0.5 * self.soft_width();
+        let soft = self.falloff.mean() * self.soft_width();
         let u = u_dir.x * (full + soft);
         let v = if u < full {
             u
         } else {
-            versine(self.cone_rad) - self.soft_width() * invert_smooth_step(1.0 - (u - full) / soft)
+            versine(self.cone_rad)
+                - self.soft_width() * self.falloff.invert(1.0 - (u - full) / soft)
         };
         let sin = (v * (2.0 - v)).max(0.0).sqrt();
         let (y, x) = (TAU * u_dir.y).sin_cos();
@@ -128,6 +165,7 @@ mod tests {
     const LIGHT: SpotLight = SpotLight {
         cone_rad: 0.6,
         falloff_start_rad: 0.4,
+        falloff: Falloff::SmoothStep,
     };
 
     fn place() -> Placement {
@@ -202,6 +240,7 @@ mod tests {
         let mut light = SpotLight {
             cone_rad: 0.5,
             falloff_start_rad: 0.5,
+            falloff: Falloff::SmoothStep,
         };
         assert!(
             light

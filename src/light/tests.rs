@@ -1,5 +1,6 @@
-//! What every light must fulfil, whatever its kind, and closed forms of illumination.
+//! Tests that every light must pass, whatever its kind, and closed forms of illumination.
 
+use super::spot::Falloff;
 use super::*;
 use crate::geometry::{Accel, AreaSampler, Instance, InstanceId, Shape};
 use crate::spectrum::{Curve, WavelengthDistribution};
@@ -32,7 +33,10 @@ fn spectrum_multiplies_every_value() {
         if let Some(unit) = light.connect(&context, x1, 0.2, u) {
             assert!((near.unwrap().value[1] / unit.value[1] - 3.0).abs() < 1e-6);
         }
-        assert!((scaled(2.0).power(&context) / light.power(&context) - 2.0).abs() < 1e-12);
+        let power = |light: &Light| {
+            light.emission.sampling_power([360.0, 830.0]) * light.flux_factor(&context)
+        };
+        assert!((power(&scaled(2.0)) / power(&light) - 2.0).abs() < 1e-12);
         let escaped = scaled(2.0).escaped_radiance(&context, DVec3::Z, &wavelengths)[0];
         let expected = if light.as_environment().is_some() {
             2.0
@@ -116,6 +120,7 @@ fn lights() -> Vec<Light> {
             SpotLight {
                 cone_rad: 0.7,
                 falloff_start_rad: 0.2,
+                falloff: Falloff::SmoothStep,
             },
         ),
         Light::directional(axis, unit_emission()),
@@ -213,7 +218,8 @@ fn connections_find_what_emission_sends() {
             assert!((c.toward.length() - 1.0).abs() < 1e-14);
             let again = light.direct_density(&context, x1, &c.x0);
             assert!((again / c.pdf - 1.0).abs() < 1e-12, "{light:?}");
-            // F is one function: weight·pdf's of emission and value·pdf of connection share L or I or E
+            // F is one function: weight·pdf's of emission and value·pdf of connection share L or I
+            // or E
             let (pdf_x0, pdf_direction) = light.emission_density(&context, &c.x0, -c.toward);
             let flux = f64::from(s.weight[0]) * pdf_x0;
             let distance = if c.distance.is_finite() {

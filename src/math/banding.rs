@@ -1,10 +1,13 @@
-//! How much of an image's error is the same all along a line of one color: the mark of samples that share a wavelength or a time.
+//! How much of an image's error is the same all along a line of one color: the mark of samples that
+//! share a wavelength or a time.
 //!
-//! The pixels of a region are put into groups along the lines of one color (columns, rows or rings). Independent errors scatter
-//! within a group as they do between groups; shared ones move whole groups: the F-ratio of a one-way analysis of variance (Fisher
-//! 1925) tells them apart without knowing how the image was made.
+//! The pixels of a region are put into groups along the lines of one color (columns, rows or
+//! rings). Independent errors scatter within a group as they do between groups; shared ones move
+//! whole groups: the F-ratio of a one-way analysis of variance (Fisher 1925) tells them apart
+//! without knowing how the image was made.
 
-/// Pixels to each side of a group over which its expected mean is taken where there is no reference.
+/// Pixels to each side of a group over which its expected mean is taken where there is no
+/// reference.
 const SMOOTHING: usize = 4;
 
 /// The direction in which color (or the moment) changes.
@@ -35,12 +38,13 @@ impl Axis {
 pub struct Banding {
     /// Groups of at least two pixels.
     pub groups: usize,
-    /// Mean square between groups over that within: 1 for independent errors; above 2 there are bands.
+    /// Mean square between groups over that within: 1 for independent errors; above 2 there are
+    /// bands.
     pub f_ratio: f64,
     /// Root mean square of the errors that whole groups share, over the mean of the region.
     pub coherent_rms: f64,
-    /// Effective share of the groups that have their energy: 1/(G Σ h²) with h a group's value over the reference's, in sum 1.
-    /// `None` without a reference.
+    /// Effective share of the groups that have their energy: 1/(G Σ h²) with h a group's value over
+    /// the reference's, in sum 1. `None` without a reference.
     pub participation: Option<f64>,
 }
 
@@ -59,8 +63,8 @@ impl Group {
     }
 }
 
-/// Measures the pixels `columns` x `rows` of an image of `width` columns, row by row. `None` where there are fewer than three
-/// groups or nothing varies within them.
+/// Measures the pixels `columns` x `rows` of an image of `width` columns, row by row. `None` where
+/// there are fewer than three groups or nothing varies within them.
 #[must_use]
 pub fn banding(
     image: &[f64],
@@ -190,7 +194,8 @@ mod tests {
         let column = |x: usize| 0.3 * (unit_f64(random_bits(99, x as u64)) - 0.5);
         let image = noisy(5, column);
         let found = of(&image, true, Axis::X);
-        // 1 + 64 (0.09/12) / (1/12), the column shifts having 11 % of standard deviation in their variance
+        // 1 + 64 (0.09/12) / (1/12), the column shifts having 11 % of standard deviation in their
+        // variance
         assert!((found.f_ratio / 6.76 - 1.0).abs() < 0.5, "{found:?}");
         assert!((found.coherent_rms / (0.3 / 12_f64.sqrt() / 10.0) - 1.0).abs() < 0.3);
         assert!(of(&image, false, Axis::X).f_ratio > 3.0);

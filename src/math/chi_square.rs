@@ -1,8 +1,8 @@
 //! Test harness: does a sampler of directions have the density it claims?
 //!
-//! The sphere is cut into cells of equal (θ, φ); counts per cell are compared with the density's integral over the
-//! cell (adaptive Gauss-Legendre quadrature). A failed sample is a cell of its own, expected to hold what the density
-//! lacks to 1.
+//! The sphere is cut into cells of equal (θ, φ); counts per cell are compared with the density's
+//! integral over the cell (adaptive Gauss-Legendre quadrature). A failed sample is a cell of its
+//! own, expected to hold what the density lacks to 1.
 
 use super::hash::{random_bits, unit_f64};
 use super::stats::chi_square_test;
@@ -74,7 +74,8 @@ pub fn integrate_cells(pdf: &dyn Fn(DVec3) -> f64) -> Vec<f64> {
         .collect()
 }
 
-/// p-value of `count` samples against `pdf` (per solid angle). 0 when the density integrates to more than 1.
+/// p-value of `count` samples against `pdf` (per solid angle). 0 when the density integrates to
+/// more than 1.
 pub fn sphere_p_value(
     seed: u64,
     count: u64,

@@ -1,7 +1,9 @@
-//! How an error falls as work is added: the power law through a curve of errors, whether it is steady, and what it promises.
+//! How an error falls as work is added: the power law through a curve of errors, whether it is
+//! steady, and what it promises.
 //!
-//! Errors of Monte Carlo estimates fall as (work)^(-1/2), of stratified ones a little faster, of regularized ones whose cones
-//! shrink a little slower. A curve that is dominated by rare large values falls by jumps: it is not steady and promises nothing.
+//! Errors of Monte Carlo estimates fall as (work)^(-1/2), of stratified ones a little faster, of
+//! regularized ones whose cones shrink a little slower. A curve that is dominated by rare large
+//! values falls by jumps: it is not steady and promises nothing.
 
 /// Rates between neighbors on a curve that count as steady.
 const STEADY_RATES: std::ops::RangeInclusive<f64> = 0.2..=1.0;
@@ -19,7 +21,7 @@ pub struct Point {
     pub error: f64,
 }
 
-/// What a curve says of its future.
+/// Verdict of a curve on its future.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Trend {
     /// Too few points.
@@ -103,7 +105,8 @@ pub fn reach(points: &[Point], target: f64) -> Reach {
     }
 }
 
-/// The error after some work, between the points of a curve; beyond its ends that of the end. `None` without points.
+/// The error after some work, between the points of a curve; beyond its ends that of the end.
+/// `None` without points.
 #[must_use]
 pub fn error_at(points: &[Point], work: f64) -> Option<f64> {
     let after = points.iter().position(|p| p.work >= work);

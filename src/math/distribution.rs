@@ -1,7 +1,8 @@
 //! Discrete distributions sampled in constant time.
 //!
-//! Alias tables after Walker (1977), built in linear time by Vose's method (1991). The random number that chose an
-//! entry is stretched back to [0, 1), so that one number serves the choice and what follows.
+//! Alias tables after Walker (1977), built in linear time by Vose's method (1991). The random
+//! number that chose an entry is stretched back to [0, 1), so that one number serves the choice and
+//! what follows.
 
 /// A choice from an [`AliasTable`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,8 +32,8 @@ pub struct AliasTable {
 }
 
 impl AliasTable {
-    /// A table over `weights`; `None` if one is negative or not finite, if all are zero, or if there are none (or more
-    /// than `u32` can number).
+    /// A table over `weights`; `None` if one is negative or not finite, if all are zero, or if
+    /// there are none (or more than `u32` can number).
     #[must_use]
     pub fn new(weights: &[f64]) -> Option<Self> {
         let n = weights.len();
@@ -145,7 +146,8 @@ mod tests {
         }
         for i in 0..8 {
             let p = weights[i] / table.total();
-            // At most two grid points are misplaced at each end of the (at most 8) pieces of an entry.
+            // At most two grid points are misplaced at each end of the (at most 8) pieces of an
+            // entry.
             assert!(
                 (count[i] as f64 - p * f64::from(n)).abs() <= 16.0,
                 "{i}: {}",

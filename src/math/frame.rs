@@ -14,7 +14,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The basis around the unit vector `z` (Duff et al. 2017: continuous but for z = -1, no branch).
+    /// The basis around the unit vector `z` (Duff et al. 2017: continuous but for z = -1, no
+    /// branch).
     #[must_use]
     pub fn from_z(z: DVec3) -> Self {
         let sign = 1.0_f64.copysign(z.z);

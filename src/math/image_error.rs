@@ -1,7 +1,7 @@
 //! How far an image is from a reference: the measures of the field.
 //!
-//! relMSE as in Rousselle et al., Adaptive Sampling and Reconstruction using Greedy Error Minimization (2011), section 6; trimmed
-//! as is usual for images with fireflies.
+//! relMSE as in Rousselle et al., Adaptive Sampling and Reconstruction using Greedy Error
+//! Minimization (2011), section 6; trimmed as is usual for images with fireflies.
 
 /// Added to the squared reference, so that black pixels do not divide by zero.
 const REL_MSE_OFFSET: f64 = 0.01;
@@ -9,8 +9,8 @@ const REL_MSE_OFFSET: f64 = 0.01;
 const LOG_OFFSET: f64 = 0.01;
 /// Share of the pixels, the worst, left out of the trimmed relMSE.
 pub const TRIMMED_SHARE: f64 = 0.001;
-/// A firefly exceeds the reference at its pixel by more than this many times the largest reference value around it (or the mean
-/// of the reference, where that is larger).
+/// A firefly exceeds the reference at its pixel by more than this many times the largest reference
+/// value around it (or the mean of the reference, where that is larger).
 const FIREFLY_FACTOR: f64 = 5.0;
 /// Pixels to each side that count as around.
 const NEIGHBORHOOD: usize = 1;
@@ -59,7 +59,8 @@ pub fn image_error(image: &[f64], reference: &[f64], width: usize) -> ImageError
     }
 }
 
-/// Mean of v²/(R² + 0.01): of differences their relMSE, of standard errors the relative variance. 0 without values.
+/// Mean of v²/(R² + 0.01): of differences their relMSE, of standard errors the relative variance. 0
+/// without values.
 #[must_use]
 pub fn mean_relative_square(values: &[f64], reference: &[f64]) -> f64 {
     let squares = values

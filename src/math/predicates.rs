@@ -1,18 +1,21 @@
-//! Rounding-safe decisions: the watertight ray-triangle test and the error bound of a transformed point.
+//! Rounding-safe decisions: the watertight ray-triangle test and the error bound of a transformed
+//! point.
 //!
-//! The triangle test is that of Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection" (JCGT 2013), in f64:
-//! every vertex is sheared along the ray by arithmetic that depends on the vertex alone, and an edge function is exactly
-//! antisymmetric in its two ends, so that triangles which share an edge or a vertex leave no gap.
+//! The triangle test is that of Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection"
+//! (JCGT 2013), in f64: every vertex is sheared along the ray by arithmetic that depends on the
+//! vertex alone, and an edge function is exactly antisymmetric in its two ends, so that triangles
+//! which share an edge or a vertex leave no gap.
 
 use glam::{DAffine3, DVec3, Vec4, Vec4Swizzles};
 
-/// How many units of rounding (2^-52 of the largest coordinate involved) a point on a surface may be off: one transform
-/// to the world, one back, and the arithmetic that placed the point, with room to spare.
+/// How many units of rounding (2^-52 of the largest coordinate involved) a point on a surface may
+/// be off: one transform to the world, one back, and the arithmetic that placed the point, with
+/// room to spare.
 const ERROR_ULPS: f64 = 32.0;
 
-/// Bound of the rounding error of `to_object * p`, per coordinate, for a world point whose coordinates do not exceed
-/// `magnitude` (absolute values), where coordinates up to `extent` take part in the object's own space. Proportional
-/// to its arguments, so that no scale is special.
+/// Bound of the rounding error of `to_object * p`, per coordinate, for a world point whose
+/// coordinates do not exceed `magnitude` (absolute values), where coordinates up to `extent` take
+/// part in the object's own space. Proportional to its arguments, so that no scale is special.
 #[must_use]
 pub fn transformed_error(to_object: &DAffine3, magnitude: DVec3, extent: f64) -> f64 {
     let m = to_object.matrix3;
@@ -70,7 +73,8 @@ impl TriangleRay {
         }
     }
 
-    /// A vertex relative to the origin, sheared so that the ray runs along the last axis (which stays unscaled).
+    /// A vertex relative to the origin, sheared so that the ray runs along the last axis (which
+    /// stays unscaled).
     #[inline(always)]
     fn shear(&self, v: &[f32; 3]) -> [f64; 3] {
         let z = f64::from(v[self.axes[2]]) - self.origin[2];
@@ -81,7 +85,8 @@ impl TriangleRay {
         ]
     }
 
-    /// The hit with 0 < t < `t_max`, from either side; edges and vertices belong to all their triangles.
+    /// The hit with 0 < t < `t_max`, from either side; edges and vertices belong to all their
+    /// triangles.
     #[must_use]
     #[inline(always)]
     pub fn intersect(&self, corners: &[[f32; 3]; 3], t_max: f64) -> Option<TriangleHit> {
@@ -112,13 +117,15 @@ impl TriangleRay {
     }
 }
 
-/// Rejects triangles in f32 that [`TriangleRay::intersect`] would reject, most of them at a fraction of the cost.
+/// Rejects triangles in f32 that [`TriangleRay::intersect`] would reject, most of them at a
+/// fraction of the cost.
 ///
-/// Let R bound the coordinates of the corners and of the start, and u = 2^-24. The start errs by uR once rounded,
-/// differences are below 2R and sheared coordinates below 4R, so these err by 2uR (start) + 12uR (their own
-/// rounding) at most; [`TriangleFilter::new`] takes E = 20uR and the f64 rounding of the far origin. An edge function
-/// x y' - y x' then errs by E (|x| + |y'| + |y| + |x'|) + 6E^2 and its own rounding, u (|x y'| + |y x'|) x 2, together below
-/// 2E (|x| + |y'| + |y| + |x'|) + 16E^2. What overflows is not rejected; what may underflow is covered by `tiny`.
+/// Let R bound the coordinates of the corners and of the start, and u = 2^-24. The start errs by uR
+/// once rounded, differences are below 2R and sheared coordinates below 4R, so these err by 2uR
+/// (start) + 12uR (their own rounding) at most; [`TriangleFilter::new`] takes E = 20uR and the f64
+/// rounding of the far origin. An edge function x y' - y x' then errs by E (|x| + |y'| + |y| +
+/// |x'|) + 6E^2 and its own rounding, u (|x y'| + |y x'|) x 2, together below 2E (|x| + |y'| + |y|
+/// + |x'|) + 16E^2. What overflows is not rejected; what may underflow is covered by `tiny`.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleFilter {
     axes: [usize; 3],
@@ -128,8 +135,8 @@ pub struct TriangleFilter {
 }
 
 impl TriangleFilter {
-    /// The filter for `ray`, whose line passes through `start`; no coordinate of `start` or of a triangle exceeds
-    /// `extent`.
+    /// The filter for `ray`, whose line passes through `start`; no coordinate of `start` or of a
+    /// triangle exceeds `extent`.
     #[must_use]
     #[inline(always)]
     pub fn new(ray: &TriangleRay, start: DVec3, extent: f64) -> Self {
@@ -144,7 +151,8 @@ impl TriangleFilter {
         }
     }
 
-    /// Whether the ray may hit a triangle; `row` gives the coordinates of its three corners on an axis (and anything).
+    /// Whether the ray may hit a triangle; `row` gives the coordinates of its three corners on an
+    /// axis (and anything).
     #[must_use]
     #[inline(always)]
     pub fn passes(&self, row: impl Fn(usize) -> Vec4) -> bool {

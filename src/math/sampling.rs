@@ -1,7 +1,8 @@
-//! Warps of the unit square to other domains, with their densities and, where useful, their inverses.
+//! Warps of the unit square to other domains, with their densities and, where useful, their
+//! inverses.
 //!
-//! Invariant: each density is that of the warp beside it in the measure named; a warp and its inverse are inverse to
-//! each other but for rounding. Directions have their pole at +z.
+//! Invariant: each density is that of the warp beside it in the measure named; a warp and its
+//! inverse are inverse to each other but for rounding. Directions have their pole at +z.
 
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, TAU};
@@ -74,7 +75,8 @@ pub fn uniform_sphere_inverse(w: DVec3) -> [f64; 2] {
     uniform_cone_inverse(w, 2.0)
 }
 
-/// A uniform direction of the cone around +z whose half-angle ε is given as `1 - cos ε = 2 sin²(ε/2)`.
+/// A uniform direction of the cone around +z whose half-angle ε is given as `1 - cos ε = 2
+/// sin²(ε/2)`.
 ///
 /// The parameter keeps its digits for narrow cones, where the cosine has none left.
 #[must_use]
@@ -108,8 +110,8 @@ pub fn uniform_cone_inverse(w: DVec3, one_minus_cos: f64) -> [f64; 2] {
     ]
 }
 
-/// Uniform barycentric coordinates of the first two corners of a triangle (Heitz 2019: no square root, low
-/// distortion). The density per area is one over the triangle's area.
+/// Uniform barycentric coordinates of the first two corners of a triangle (Heitz 2019: no square
+/// root, low distortion). The density per area is one over the triangle's area.
 #[must_use]
 pub fn triangle(u: [f64; 2]) -> [f64; 2] {
     if u[1] > u[0] {
@@ -180,7 +182,8 @@ mod tests {
 
     #[test]
     fn triangle_is_uniform() {
-        // the first moments of the uniform distribution: E b0 = 1/3, E b0 b1 = 1/12; midpoint grid, error O(1/n)
+        // the first moments of the uniform distribution: E b0 = 1/3, E b0 b1 = 1/12; midpoint grid,
+        // error O(1/n)
         let n = 400;
         let (mut first, mut mixed) = (0.0, 0.0);
         for i in 0..n * n {

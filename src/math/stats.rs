@@ -1,7 +1,8 @@
 //! Running moments and the p-values of the usual tests.
 //!
-//! Welford's update and Chan, Golub and LeVeque's merge (1983) for the moments. The tail probabilities come from the
-//! incomplete gamma and beta functions (series and continued fractions, Abramowitz and Stegun 6.5.29, 6.5.31, 26.5.8).
+//! Welford's update and Chan, Golub and LeVeque's merge (1983) for the moments. The tail
+//! probabilities come from the incomplete gamma and beta functions (series and continued fractions,
+//! Abramowitz and Stegun 6.5.29, 6.5.31, 26.5.8).
 
 /// Mean and variance of a stream of numbers; mergeable, numerically stable.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -70,8 +71,9 @@ pub fn chi_square_p_value(statistic: f64, dof: f64) -> f64 {
     gamma_q(0.5 * dof, 0.5 * statistic)
 }
 
-/// Pearson's test of counts against expectations of equal sum: the p-value. Cells expected to hold fewer than five
-/// are merged; one degree of freedom is lost to the sum. A count where nothing was expected gives 0.
+/// Pearson's test of counts against expectations of equal sum: the p-value. Cells expected to hold
+/// fewer than five are merged; one degree of freedom is lost to the sum. A count where nothing was
+/// expected gives 0.
 #[must_use]
 pub fn chi_square_test(observed: &[f64], expected: &[f64]) -> f64 {
     let mut cells: Vec<(f64, f64)> = expected
@@ -83,7 +85,8 @@ pub fn chi_square_test(observed: &[f64], expected: &[f64]) -> f64 {
     let (mut statistic, mut used) = (0.0, 0_u32);
     let (mut want, mut got) = (0.0, 0.0);
     for (e, o) in cells {
-        // a cell that cannot be hit is not merged away; expectations come from quadrature, hence the tolerance
+        // a cell that cannot be hit is not merged away; expectations come from quadrature, hence
+        // the tolerance
         if e <= 1e-9 && o > 0.0 {
             return 0.0;
         }
@@ -124,7 +127,8 @@ fn ln_gamma(mut x: f64) -> f64 {
 const STEP: f64 = 1e-15;
 const TERMS: usize = 10_000;
 
-/// `b0 + a1/(b1 + a2/(b2 + ...))` by the modified Lentz method; `term(i)` is `(a_i, b_i)`, i = 1, 2, ...
+/// `b0 + a1/(b1 + a2/(b2 + ...))` by the modified Lentz method; `term(i)` is `(a_i, b_i)`, i = 1,
+/// 2, ...
 fn continued_fraction(b0: f64, term: impl Fn(f64) -> (f64, f64)) -> f64 {
     let nonzero = |x: f64| if x == 0.0 { 1e-300 } else { x };
     let mut value = nonzero(b0);

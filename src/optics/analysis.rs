@@ -1,7 +1,8 @@
 //! Spots, ray fans and transmission of a prescription by real rays.
 //!
-//! Beams fill the physical stop: a ray is aimed so that it meets the stop at its share of the radius that the on-axis
-//! marginal ray has there. Spots are uniform in the area of the stop and measured about their centroid.
+//! Beams fill the physical stop: a ray is aimed so that it meets the stop at its share of the
+//! radius that the on-axis marginal ray has there. Spots are uniform in the area of the stop and
+//! measured about their centroid.
 
 use super::coating::{Response, interface};
 use super::paraxial::Paraxial;
@@ -21,7 +22,8 @@ pub struct Beams<'a> {
     lambda_nm: f64,
     /// The system to trace.
     pub system: System<'a>,
-    /// Distance of the entrance pupil from the first surface, and radius, at the primary wavelength.
+    /// Distance of the entrance pupil from the first surface, and radius, at the primary
+    /// wavelength.
     pupil: (f64, f64),
     /// Radius of the on-axis beam at the stop.
     stop_radius: f64,
@@ -62,7 +64,8 @@ impl Spot {
         (centroid, (square / n).sqrt())
     }
 
-    /// The distance behind the image at which the spots together are smallest, each about their common centroid.
+    /// The distance behind the image at which the spots together are smallest, each about their
+    /// common centroid.
     ///
     /// Points move along straight lines: the square of the radius is a parabola of the distance.
     #[must_use]
@@ -80,7 +83,7 @@ impl Spot {
     }
 }
 
-/// What becomes of the power of one ray.
+/// Power of one ray after the system, and where it was lost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transmission {
     /// Part that passes all surfaces.
@@ -195,7 +198,8 @@ impl<'a> Beams<'a> {
         }
     }
 
-    /// Where rays along one axis of the stop meet the image, against the chief ray: `None` where one is lost.
+    /// Where rays along one axis of the stop meet the image, against the chief ray: `None` where
+    /// one is lost.
     #[must_use]
     pub fn fan(&self, field: [f64; 2], axis: DVec2, count: u32) -> Vec<(f64, Option<DVec2>)> {
         let chief = self.aimed(field, DVec2::ZERO);
@@ -210,8 +214,8 @@ impl<'a> Beams<'a> {
         (0..=steps).map(at).collect()
     }
 
-    /// What a ray keeps of its power: unpolarized at each surface (coatings as they are, mirrors without a coating perfect),
-    /// Beer's law in the media.
+    /// Share of its power that a ray keeps: unpolarized at each surface (coatings as they are,
+    /// mirrors without a coating perfect), Beer's law in the media.
     ///
     /// # Errors
     /// Where and why it is lost.

@@ -1,9 +1,10 @@
 //! Thin film coatings by the characteristic matrix.
 //!
-//! Each layer has the phase thickness delta = 2 pi N d cos(theta) / lambda and the matrix
-//! [cos delta, -i sin delta / eta; -i eta sin delta, cos delta] for fields exp(-i omega t) and N = n + i k, with the
-//! admittance eta = N cos(theta) for s and N / cos(theta) for p (Macleod, Thin-Film Optical Filters, 4th ed., chapter 2;
-//! Born and Wolf, Principles of Optics, section 1.6). Layers that absorb much are kept from overflow by a common factor.
+//! Each layer has the phase thickness delta = 2 pi N d cos(theta) / lambda and the matrix [cos
+//! delta, -i sin delta / eta; -i eta sin delta, cos delta] for fields exp(-i omega t) and N = n + i
+//! k, with the admittance eta = N cos(theta) for s and N / cos(theta) for p (Macleod, Thin-Film
+//! Optical Filters, 4th ed., chapter 2; Born and Wolf, Principles of Optics, section 1.6). Layers
+//! that absorb much are kept from overflow by a common factor.
 
 use crate::spectrum::Ior;
 use num_complex::Complex64;
@@ -26,7 +27,7 @@ pub enum Thickness {
 /// One layer of a stack.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// Its material, n and k.
+    /// Material, n and k.
     pub ior: Ior,
     /// How thick it is.
     pub thickness: Thickness,
@@ -46,7 +47,7 @@ impl Layer {
 /// A stack of layers, in the order in which light meets them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stack {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// The layers.
     pub layers: Vec<Layer>,
@@ -70,7 +71,8 @@ pub struct Response {
     pub r: f64,
     /// Transmittance, into the last medium.
     pub t: f64,
-    /// Absorptance of the layers, from the power that flows in at the first interface and out at the last.
+    /// Absorptance of the layers, from the power that flows in at the first interface and out at
+    /// the last.
     pub a: f64,
 }
 
@@ -93,8 +95,8 @@ pub struct Films {
     pub layers: Vec<(Complex64, f64)>,
 }
 
-/// Cosine of the angle in a medium of index `n` from the conserved sine times index. Of both roots, that of the wave
-/// that decays, or runs, away from the interface.
+/// Cosine of the angle in a medium of index `n` from the conserved sine times index. Of both roots,
+/// that of the wave that decays, or runs, away from the interface.
 fn cosine(n: Complex64, n_sin: f64) -> Complex64 {
     let sine = Complex64::from(n_sin) / n;
     let cos = (1.0 - sine * sine).sqrt();
@@ -115,8 +117,8 @@ fn admittance(n: Complex64, cos: Complex64, polarization: Polarization) -> Compl
 }
 
 impl Films {
-    /// Response to light from a medium of real index `n_in` onto a medium of index `n_out`; `cos_in` is the cosine of the
-    /// angle of incidence, in 0..=1.
+    /// Response to light from a medium of real index `n_in` onto a medium of index `n_out`;
+    /// `cos_in` is the cosine of the angle of incidence, in 0..=1.
     #[must_use]
     pub fn response(
         &self,
@@ -137,7 +139,8 @@ impl Films {
         }
         let eta_in = admittance(n_in.into(), cos_in.into(), polarization);
         let eta_out = admittance(n_out, cosine(n_out, n_sin), polarization);
-        // electric and magnetic field behind the stack, carried to its front; the power of e taken out is kept apart
+        // electric and magnetic field behind the stack, carried to its front; the power of e taken
+        // out is kept apart
         let (mut b, mut c) = (Complex64::from(1.0), eta_out);
         let mut log_scale = 0.0;
         for &(n, nm) in self.layers.iter().rev() {
@@ -182,7 +185,8 @@ impl Films {
 }
 
 impl Stack {
-    /// The layers at a wavelength, and the index of what lies behind them: the backing if there is one, else `n_out`.
+    /// The layers at a wavelength, and the index of what lies behind them: the backing if there is
+    /// one, else `n_out`.
     #[must_use]
     pub fn films(&self, lambda_nm: f64, n_out: f64) -> (Films, Complex64) {
         let complex = |ior: &Ior| Complex64::new(ior.n(lambda_nm), ior.k(lambda_nm));

@@ -1,7 +1,7 @@
 //! Interval arithmetic for bounds on the distance between a ray and a surface.
 //!
-//! Bounds are those of real arithmetic up to rounding; who decides by them adds the rounding of what was summed
-//! (Moore, Kearfott, Cloud, Introduction to Interval Analysis, 2009).
+//! Bounds are those of real arithmetic up to rounding; who decides by them adds the rounding of
+//! what was summed (Moore, Kearfott, Cloud, Introduction to Interval Analysis, 2009).
 
 use std::ops::{Add, Mul, Neg, Sub};
 

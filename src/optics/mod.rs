@@ -1,8 +1,9 @@
 //! Lens systems: surfaces, prescriptions, paraxial and real rays, aberrations, coatings.
 //!
-//! Lengths are millimeters as in lens files, wavelengths nanometers, angles degrees in prescriptions. Light enters
-//! along +z. The intersection of a ray with a surface ([`LensSurface`]) is in double precision, in the space of the
-//! surface, and knows nothing of prescriptions: anything that meets a lens surface uses the same code.
+//! Lengths are millimeters as in lens files, wavelengths nanometers, angles degrees in
+//! prescriptions. Light enters along +z. The intersection of a ray with a surface ([`LensSurface`])
+//! is in double precision, in the space of the surface, and knows nothing of prescriptions:
+//! anything that meets a lens surface uses the same code.
 
 pub mod analysis;
 pub mod aperture;

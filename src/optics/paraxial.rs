@@ -1,7 +1,8 @@
 //! Paraxial rays and the data of first order.
 //!
-//! Refraction n' u' = n u - y c (n' - n), transfer y' = y + t u; a mirror is a refraction into -n (Welford, Aberrations of
-//! Optical Systems, 1986, chapter 3). Tilts and decenters are left out: this is the system along its own axis.
+//! Refraction n' u' = n u - y c (n' - n), transfer y' = y + t u; a mirror is a refraction into -n
+//! (Welford, Aberrations of Optical Systems, 1986, chapter 3). Tilts and decenters are left out:
+//! this is the system along its own axis.
 
 use super::prescription::{FieldKind, Interaction, Prescription, SystemAperture};
 
@@ -17,7 +18,8 @@ pub struct ParaxialRay {
 /// A pupil on the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pupil {
-    /// Position along z: of the entrance pupil from the first surface, of the exit pupil from the last one before the image.
+    /// Position along z: of the entrance pupil from the first surface, of the exit pupil from the
+    /// last one before the image.
     pub position: f64,
     /// Diameter, millimeters.
     pub diameter: f64,
@@ -34,7 +36,8 @@ pub struct FirstOrder {
     pub bfl: f64,
     /// Front focal point from the first surface, along z.
     pub ffl: f64,
-    /// Front and rear principal plane, from the first and from the last surface before the image, along z.
+    /// Front and rear principal plane, from the first and from the last surface before the image,
+    /// along z.
     pub principal: [f64; 2],
     /// Entrance pupil.
     pub entrance_pupil: Pupil,
@@ -91,7 +94,8 @@ impl<'a> Paraxial<'a> {
         }
     }
 
-    /// Follows a ray that is given at surface 0 before it acts, up to surface `to`: heights there, and what leaves each.
+    /// Follows a ray that is given at surface 0 before it acts, up to surface `to`: heights there,
+    /// and what leaves each.
     #[must_use]
     pub fn trace(&self, start: ParaxialRay, to: usize) -> Vec<ParaxialRay> {
         let mut ray = start;
@@ -245,7 +249,8 @@ impl<'a> Paraxial<'a> {
         let field = self.largest_field();
         let start_chief = self.chief(field);
         let chief = self.trace(start_chief, last)[last];
-        // the ray through the center of the stop leaves through that of the exit pupil, also with no field at all
+        // the ray through the center of the stop leaves through that of the exit pupil, also with
+        // no field at all
         let through = self.ray_to_pupil(entrance_pupil.position, 0.0, 1.0, 1.0);
         let through = self.trace(through, last)[last];
         let exit_position = -through.y / through.nu * n_rear;

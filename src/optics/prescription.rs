@@ -1,4 +1,5 @@
-//! Prescriptions of lens systems: a table of surfaces with media between them, a stop, fields and wavelengths.
+//! Prescriptions of lens systems: a table of surfaces with media between them, a stop, fields and
+//! wavelengths.
 
 use super::aperture::Aperture;
 use super::coating::Stack;
@@ -8,10 +9,10 @@ use crate::spectrum::Ior;
 use crate::spectrum::ior::{LINE_C_NM, LINE_D_NM, LINE_F_NM};
 use glam::{DMat3, DVec3};
 
-/// What lies between two surfaces.
+/// Medium between two surfaces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
-    /// Its refractive index, with the qualified name of the glass.
+    /// Refractive index, with the qualified name of the glass.
     pub ior: Ior,
 }
 
@@ -37,19 +38,19 @@ impl Medium {
     }
 }
 
-/// What a surface does to a ray.
+/// Role of a surface: refraction or reflection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interaction {
-    /// It goes on into the next medium.
+    /// The ray goes on into the next medium.
     Refract,
-    /// It is reflected; the medium stays.
+    /// The ray is reflected; the medium stays.
     Reflect,
 }
 
 /// A change of the coordinates between surfaces: decenter and tilt, then a step along the new z.
 ///
-/// Tilts are right-handed. In order: decenter along x and y, tilt about x, about the new y, about the new z; `reversed`:
-/// tilt about z, y, x, then decenter along the new axes.
+/// Tilts are right-handed. In order: decenter along x and y, tilt about x, about the new y, about
+/// the new z; `reversed`: tilt about z, y, x, then decenter along the new axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Break {
     /// Decenter, millimeters.
@@ -151,13 +152,14 @@ pub struct Surface {
     pub comment: String,
     /// Shape and clear aperture.
     pub shape: LensSurface,
-    /// Distance to the next surface along the axis, millimeters; negative after an odd number of mirrors.
+    /// Distance to the next surface along the axis, millimeters; negative after an odd number of
+    /// mirrors.
     pub thickness: f64,
     /// The medium after it (before it, for a mirror too).
     pub medium: Medium,
-    /// What it does.
+    /// Role: refraction or reflection.
     pub interaction: Interaction,
-    /// Its coating, from the side light comes from; `None`: bare.
+    /// Coating, from the side light comes from; `None`: bare.
     pub coating: Option<Stack>,
     /// Changes of coordinates before it.
     pub before: Vec<Break>,
@@ -203,11 +205,11 @@ pub enum SystemAperture {
     FNumber(f64),
     /// Numerical aperture in object space.
     ObjectNa(f64),
-    /// What the stop lets through.
+    /// Aperture of the system: what the stop lets through.
     StopSize,
 }
 
-/// What field values are.
+/// Kind of the field values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FieldKind {
     /// Degrees in object space.
@@ -223,7 +225,7 @@ pub enum FieldKind {
 pub struct Prescription {
     /// Title.
     pub name: String,
-    /// What a reader had to decide: model glasses, things passed over.
+    /// Decisions of the reader: model glasses, things passed over.
     pub notes: Vec<String>,
     /// Wavelengths, at least one.
     pub wavelengths: Vec<Wavelength>,
@@ -231,7 +233,7 @@ pub struct Prescription {
     pub primary: usize,
     /// How wide the beam is.
     pub aperture: SystemAperture,
-    /// What field values are.
+    /// Kind of the field values.
     pub field_kind: FieldKind,
     /// Fields, x and y.
     pub fields: Vec<[f64; 2]>,
@@ -301,7 +303,8 @@ impl Prescription {
         self.surfaces.len() - 2
     }
 
-    /// Gives `coating` to every surface between air and glass; mirrors keep theirs. A stack is given as light comes from air.
+    /// Gives `coating` to every surface between air and glass; mirrors keep theirs. A stack is
+    /// given as light comes from air.
     pub fn coat(&mut self, coating: &Stack) {
         for i in 0..self.surfaces.len() {
             let enters = self.medium_before(i).is_air();

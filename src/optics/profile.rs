@@ -1,7 +1,9 @@
-//! Shapes of lens surfaces: the sag z(x, y) over the tangent plane of the vertex, its slopes and its domain.
+//! Shapes of lens surfaces: the sag z(x, y) over the tangent plane of the vertex, its slopes and
+//! its domain.
 //!
-//! With curvature c and conic constant k the base is z = c r^2 / (1 + sqrt(1 - (1 + k) c^2 r^2)); aspheres add powers
-//! of r (Malacara and Malacara, Handbook of Optical Design, 2nd ed., appendix 2).
+//! With curvature c and conic constant k the base is z = c r^2 / (1 + sqrt(1 - (1 + k) c^2 r^2));
+//! aspheres add powers of r (Malacara and Malacara, Handbook of Optical Design, 2nd ed., appendix
+//! 2).
 
 use super::interval::Interval;
 
@@ -33,7 +35,8 @@ pub enum Profile {
         /// Coefficients of r, r^2, r^3, ...
         powers: Vec<f64>,
     },
-    /// A curve in the yz plane rotated about a line parallel to y: toroids, cylinders (curvature 0 across x or along y).
+    /// A curve in the yz plane rotated about a line parallel to y: toroids, cylinders (curvature 0
+    /// across x or along y).
     Toroid {
         /// Curvature of the vertex along x, that of the rotation.
         curvature_x: f64,
@@ -143,7 +146,8 @@ impl Profile {
         ((1.0 + k) * c.powi(3) - self.vertex_curvature().powi(3)) / 8.0 + fourth
     }
 
-    /// Distance from the vertex up to which there is a surface, in the directions where it is least.
+    /// Distance from the vertex up to which there is a surface, in the directions where it is
+    /// least.
     #[must_use]
     pub fn domain_radius(&self) -> f64 {
         let conic = |c: f64, k: f64| {
@@ -232,8 +236,9 @@ impl Profile {
             .0
     }
 
-    /// Bounds of sag and slopes: of z, and of the derivatives by u = r^2 (`Conic`, `EvenAsphere`), by u and r
-    /// (`OddAsphere`), or by x and y (`Toroid`), over points with r^2 in `u`, x in `x` and y in `y`.
+    /// Bounds of sag and slopes: of z, and of the derivatives by u = r^2 (`Conic`, `EvenAsphere`),
+    /// by u and r (`OddAsphere`), or by x and y (`Toroid`), over points with r^2 in `u`, x in `x`
+    /// and y in `y`.
     pub(super) fn bounds(
         &self,
         u: Interval,

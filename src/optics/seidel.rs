@@ -1,4 +1,5 @@
-//! Seidel sums and the two chromatic sums, surface by surface (Welford, Aberrations of Optical Systems, 1986, chapters 8, 9).
+//! Seidel sums and the two chromatic sums, surface by surface (Welford, Aberrations of Optical
+//! Systems, 1986, chapters 8, 9).
 
 use super::paraxial::Paraxial;
 use super::prescription::Prescription;

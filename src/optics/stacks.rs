@@ -1,8 +1,9 @@
 //! Coatings by name, of materials of the library.
 //!
-//! Designs are the textbook ones: a quarter wave of magnesium fluoride; a V-coat of two layers solved for no reflection at
-//! one wavelength; quarter-half-quarter for the visible range (Macleod, Thin-Film Optical Filters, 4th ed., chapter 4);
-//! opaque metals, bare and under a half wave of silica.
+//! Designs are the textbook ones: a quarter wave of magnesium fluoride; a V-coat of two layers
+//! solved for no reflection at one wavelength; quarter-half-quarter for the visible range (Macleod,
+//! Thin-Film Optical Filters, 4th ed., chapter 4); opaque metals, bare and under a half wave of
+//! silica.
 
 use super::coating::{Layer, Stack, Thickness};
 use crate::spectrum::{Ior, Library, LibraryError};
@@ -22,7 +23,8 @@ pub const DESIGN_NM: f64 = 550.0;
 /// Index of the glass that the V-coat is solved for: N-BK7 at the design wavelength.
 const CROWN: f64 = 1.5185;
 
-/// A built-in coating, as light from air meets it; names in any case. `None` if there is none of this name.
+/// A built-in coating, as light from air meets it; names in any case. `None` if there is none of
+/// this name.
 ///
 /// # Errors
 /// If the library has lost one of the materials.
@@ -74,8 +76,9 @@ pub fn named(name: &str, library: &Library) -> Result<Option<Stack>, LibraryErro
     }))
 }
 
-/// Two layers, the outer of low index, without reflection at the design wavelength on crown glass: tan^2 of both phase
-/// thicknesses from the condition that real and imaginary part of the admittance match (Macleod, equations 4.3 and 4.4).
+/// Two layers, the outer of low index, without reflection at the design wavelength on crown glass:
+/// tan^2 of both phase thicknesses from the condition that real and imaginary part of the
+/// admittance match (Macleod, equations 4.3 and 4.4).
 fn v_coat(outer: Ior, inner: Ior) -> Vec<Layer> {
     let (n1, n2, ns) = (outer.n(DESIGN_NM), inner.n(DESIGN_NM), CROWN);
     let tan1_squared =

@@ -1,16 +1,19 @@
-//! Intersection of rays with lens surfaces, in the space of the surface (vertex at the origin, axis along z).
+//! Intersection of rays with lens surfaces, in the space of the surface (vertex at the origin, axis
+//! along z).
 //!
-//! The line is first moved to its foot, the point nearest the vertex, so that nothing is lost to the distance a ray
-//! has come. Conics have closed forms, written so that no root cancels. For the others, the distance along the axis
-//! between ray and surface is bounded by interval arithmetic: a stretch without a zero, or on which that distance is monotone, is
-//! decided; any other is halved. The first crossing found is therefore the first there is.
+//! The line is first moved to its foot, the point nearest the vertex, so that nothing is lost to
+//! the distance a ray has come. Conics have closed forms, written so that no root cancels. For the
+//! others, the distance along the axis between ray and surface is bounded by interval arithmetic: a
+//! stretch without a zero, or on which that distance is monotone, is decided; any other is halved.
+//! The first crossing found is therefore the first there is.
 
 use super::aperture::Aperture;
 use super::interval::Interval;
 use super::profile::Profile;
 use glam::DVec3;
 
-/// Halvings of the stretch of a line near a surface; a stretch that is still undecided then is a touch, not a crossing.
+/// Halvings of the stretch of a line near a surface; a stretch that is still undecided then is a
+/// touch, not a crossing.
 const MAX_DEPTH: u32 = 48;
 /// Stretches looked at per line: bounds the time spent on a surface made to be slow.
 const MAX_STRETCHES: u32 = 4096;
@@ -33,7 +36,8 @@ pub struct LensSurface {
     pub profile: Profile,
     /// The clear aperture.
     pub aperture: Aperture,
-    /// How far from the vertex lines are followed to shapes that have no closed form; with an aperture, at least its extent.
+    /// How far from the vertex lines are followed to shapes that have no closed form; with an
+    /// aperture, at least its extent.
     pub reach: f64,
 }
 
@@ -73,8 +77,8 @@ impl LensSurface {
         }
     }
 
-    /// The first crossing with `t_min < t < t_max` inside the aperture. `d` is a unit vector. With `leaving`, `o` lies
-    /// on this surface, and that point is none of its crossings.
+    /// The first crossing with `t_min < t < t_max` inside the aperture. `d` is a unit vector. With
+    /// `leaving`, `o` lies on this surface, and that point is none of its crossings.
     #[must_use]
     pub fn first_hit(
         &self,
@@ -104,8 +108,8 @@ impl LensSurface {
         }
     }
 
-    /// The crossing that a sequential trace takes, apertures aside: the first on the whole line that goes through the
-    /// surface in the sense of the ray. `d` is a unit vector.
+    /// The crossing that a sequential trace takes, apertures aside: the first on the whole line
+    /// that goes through the surface in the sense of the ray. `d` is a unit vector.
     #[must_use]
     pub fn sequential(&self, o: DVec3, d: DVec3) -> Option<Crossing> {
         if let Profile::Conic { curvature, conic } = self.profile {
@@ -131,8 +135,9 @@ impl LensSurface {
         }
     }
 
-    /// The first place in a range of the line, within `reach` of the axis, where it passes from one side of the surface
-    /// to the other. `own`: a place that is a crossing already and does not count.
+    /// The first place in a range of the line, within `reach` of the axis, where it passes from one
+    /// side of the surface to the other. `own`: a place that is a crossing already and does not
+    /// count.
     fn first_sign_change(
         &self,
         o: DVec3,
@@ -221,7 +226,8 @@ impl LensSurface {
         let along = |o: f64, d: f64| Interval::new(o + d * t.lo, o + d * t.hi);
         let (x, y, z) = (along(o.x, d.x), along(o.y, d.y), along(o.z, d.z));
         let at = |t: f64| (o + d * t).truncate();
-        // r^2 is convex along the line: its range is that of its ends, down to the nearest point of the axis
+        // r^2 is convex along the line: its range is that of its ends, down to the nearest point of
+        // the axis
         let flat = d.truncate();
         let (u0, u1) = (at(t.lo).length_squared(), at(t.hi).length_squared());
         let half_rate = Interval::new(at(t.lo).dot(flat), at(t.hi).dot(flat));
@@ -266,7 +272,8 @@ impl LensSurface {
         (p.z - z, line.d.z - zx * line.d.x - zy * line.d.y)
     }
 
-    /// The zero between two places of different sign: Newton's steps, halving where they leave the bracket or are slow.
+    /// The zero between two places of different sign: Newton's steps, halving where they leave the
+    /// bracket or are slow.
     fn refine(&self, line: &Line, a: f64, b: f64) -> Option<f64> {
         let (fa, fb) = (self.distance(line, a).0, self.distance(line, b).0);
         if fa == 0.0 {
@@ -326,7 +333,8 @@ fn discriminant(c: f64, k: f64, line: &Line) -> Option<f64> {
     (value >= 0.0).then_some(value)
 }
 
-/// Distances from `o`, in order, at which a line meets the quadric; NaN for those that do not exist or are its own.
+/// Distances from `o`, in order, at which a line meets the quadric; NaN for those that do not exist
+/// or are its own.
 fn conic_roots(c: f64, k: f64, o: DVec3, d: DVec3, leaving: bool) -> [f64; 2] {
     if leaving {
         // its own root is 0 by definition, the other has a closed form

@@ -13,7 +13,7 @@ pub struct Ray {
     pub d: DVec3,
 }
 
-/// What happened to a ray at a surface, in the space of the surface.
+/// Event of a ray at a surface, in the space of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
     /// Index of the surface.
@@ -33,11 +33,11 @@ pub struct Event {
 /// Why a ray does not reach the image; with the index of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lost {
-    /// It misses the surface.
+    /// The ray misses the surface.
     Missed(usize),
-    /// It is outside the clear aperture.
+    /// The ray is outside the clear aperture.
     Clipped(usize),
-    /// It is totally reflected.
+    /// Total internal reflection.
     TotalReflection(usize),
 }
 
@@ -109,8 +109,9 @@ impl<'a> System<'a> {
         &self.frames
     }
 
-    /// Follows a ray, given in the system, through all surfaces. `visit` sees what happens at each, in its space; with
-    /// `clip`, apertures stop rays. Returns the ray at the image, in the space of the image.
+    /// Follows a ray, given in the system, through all surfaces. `visit` sees what happens at each,
+    /// in its space; with `clip`, apertures stop rays. Returns the ray at the image, in the space
+    /// of the image.
     ///
     /// # Errors
     /// Where and why the ray is lost.
@@ -141,7 +142,8 @@ impl<'a> System<'a> {
         Ok(Ray { o, d })
     }
 
-    /// The points of a ray at all surfaces it reaches, in the system, and whether it reaches the image.
+    /// The points of a ray at all surfaces it reaches, in the system, and whether it reaches the
+    /// image.
     #[must_use]
     pub fn path(&self, ray: Ray, clip: bool) -> (Vec<DVec3>, bool) {
         let mut points = Vec::with_capacity(self.steps.len());
@@ -151,7 +153,8 @@ impl<'a> System<'a> {
     }
 }
 
-/// Direction after the surface: the law of reflection, or Snell's in vector form. None where it is totally reflected.
+/// Direction after the surface: the law of reflection, or Snell's in vector form. None where it is
+/// totally reflected.
 fn bend(d: DVec3, normal: DVec3, step: &Step) -> Option<DVec3> {
     let cos = d.dot(normal);
     if step.reflects {

@@ -27,8 +27,8 @@ fn place(surface: Option<usize>, line: usize) -> String {
 }
 
 impl Prescription {
-    /// Checks that the system can be traced: counts, numbers, apertures within their surfaces, surfaces that do not cross
-    /// within their apertures, indices at its wavelengths.
+    /// Checks that the system can be traced: counts, numbers, apertures within their surfaces,
+    /// surfaces that do not cross within their apertures, indices at its wavelengths.
     ///
     /// # Errors
     /// The first thing that is wrong, with its surface.

@@ -1,5 +1,6 @@
-//! The bias of regularization without a reference: where odd passes use cones of ε/√2, the squared-law bias of the even passes is
-//! twice the difference of the two halves of an image (Richardson's extrapolation to ε = 0).
+//! The bias of regularization without a reference: where odd passes use cones of ε/√2, the
+//! squared-law bias of the even passes is twice the difference of the two halves of an image
+//! (Richardson's extrapolation to ε = 0).
 
 use crate::film::Film;
 
@@ -9,9 +10,10 @@ const REGION: usize = 16;
 /// Bias of the even passes' image, estimated from its halves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BiasEstimate {
-    /// Root mean square over regions of 16 × 16 pixels, relative to the mean of the image, with the noise's share taken off.
+    /// Root mean square over regions of 16 × 16 pixels, relative to the mean of the image, with the
+    /// noise's share taken off.
     pub relative: f64,
-    /// What noise alone would give.
+    /// Value that noise alone would give.
     pub noise: f64,
 }
 
@@ -41,7 +43,8 @@ pub fn bias_estimate(image: &Film, even: u64, odd: u64) -> Option<BiasEstimate> 
         *squares += value * value;
         *count += 1.0;
     }
-    // of regions of independent pixels, the mean's variance is the sum of squares over the square of the count
+    // of regions of independent pixels, the mean's variance is the sum of squares over the square
+    // of the count
     let (mut found, mut noise) = (0.0, 0.0);
     for (sum, squares, count) in regions.values() {
         let own = squares / (count * count);

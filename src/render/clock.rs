@@ -12,7 +12,8 @@ pub fn cpu_seconds() -> Option<f64> {
 }
 
 fn parse_cpu_seconds(stat: &str) -> Option<f64> {
-    // the second field, the command in parentheses, may hold blanks; utime and stime are fields 14 and 15
+    // the second field, the command in parentheses, may hold blanks; utime and stime are fields 14
+    // and 15
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     let ticks = |i: usize| fields.get(i).and_then(|t| t.parse::<f64>().ok());
     Some((ticks(11)? + ticks(12)?) / TICKS_PER_SECOND)
@@ -27,8 +28,8 @@ pub struct PassTime {
 }
 
 impl PassTime {
-    /// CPU seconds of all threads; wall seconds where the system does not tell. The system counts CPU time in steps, so that
-    /// the first may be 0: half a step then.
+    /// CPU seconds of all threads; wall seconds where the system does not tell. The system counts
+    /// CPU time in steps, so that the first may be 0: half a step then.
     #[must_use]
     pub fn cpu_seconds(&self) -> f64 {
         let seconds = self.cpu_seconds.unwrap_or(self.wall.as_secs_f64());

@@ -1,13 +1,15 @@
 //! The half-aperture ε₁ of the first pass's cone, found from the scene.
 //!
-//! First a geometric prior: a cone of half-aperture ε at a specular vertex blurs by ε d at distance d, and a blur of some pixels
-//! in the first pass shrinks below one as passes are added; on the other hand a cone need not be narrower than the lights seen
-//! from there. Then two short renders with the same random numbers, at ε and ε/√2: their difference is half the squared-law bias b ε²
-//! of a region, and what regularized strategies scatter about their mean is the variance v/ε². Of both follows
-//! ε₁ = (v/(6 b²))^(1/6), the minimum of the mean squared error under the schedule ε₁ n^(−1/6), whatever the number of passes. The
-//! sixth root forgives a crude estimate.
+//! First a geometric prior: a cone of half-aperture ε at a specular vertex blurs by ε d at distance
+//! d, and a blur of some pixels in the first pass shrinks below one as passes are added; on the
+//! other hand a cone need not be narrower than the lights seen from there. Then two short renders
+//! with the same random numbers, at ε and ε/√2: their difference is half the squared-law bias b ε²
+//! of a region, and what regularized strategies scatter about their mean is the variance v/ε². Of
+//! both follows ε₁ = (v/(6 b²))^(1/6), the minimum of the mean squared error under the schedule ε₁
+//! n^(−1/6), whatever the number of passes. The sixth root forgives a crude estimate.
 //!
-//! Invariant: a function of scene and settings without the seed, so that all parts of a render agree.
+//! Invariant: a function of scene and settings without the seed, so that all parts of a render
+//! agree.
 
 use crate::bsdf::Label;
 use crate::film::Crop;
@@ -23,7 +25,7 @@ use rayon::prelude::*;
 const FALLBACK: f64 = 0.04;
 /// Blur of the first pass in pixels.
 pub const BLUR_PIXELS: f64 = 8.0;
-/// What ε₁ is kept within, in radians. Above, the weights' own bias is a few percent.
+/// Limits of ε₁, in radians. Above, the weights' own bias is a few percent.
 const RANGE: [f64; 2] = [1e-4, 0.08];
 /// How far the two renders may move it, as factors.
 const REFINEMENT: [f64; 2] = [0.5, 4.0];
@@ -60,7 +62,7 @@ pub enum EpsilonReason {
         prior: Prior,
         /// That bound in radians.
         prior_rad: f64,
-        /// What the renders made of it.
+        /// Result of the renders with it.
         refinement: Refinement,
     },
 }
@@ -173,7 +175,8 @@ impl Pilot<'_> {
         Some((light.max(pixel).clamp(RANGE[0], RANGE[1]), prior))
     }
 
-    /// For every specular vertex beside a non-specular one: ε by the blur in pixels, and by the light seen from there.
+    /// For every specular vertex beside a non-specular one: ε by the blur in pixels, and by the
+    /// light seen from there.
     fn of_subpath(&self, path: &Subpath, (x, y): (u32, u32)) -> Vec<(f64, f64)> {
         let sensor = &self.frame.scene.sensors[self.frame.sensor];
         let time = sensor.shutter.at(0.5);
@@ -233,7 +236,8 @@ impl Pilot<'_> {
         let passes: Vec<Vec<Sums>> = (0..PASSES)
             .map(|pass| self.pass(pass, prior_rad, columns, regions))
             .collect();
-        // values per pixel and pass; regions at the border are smaller, and dimmer, which does no harm
+        // values per pixel and pass; regions at the border are smaller, and dimmer, which does no
+        // harm
         let samples = f64::from(REGION * REGION / (STRIDE * STRIDE));
         let n = f64::from(PASSES);
         let mut bias = 0.0;

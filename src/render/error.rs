@@ -1,9 +1,10 @@
-//! The estimated error of a render: what the halves of its passes disagree on, without the few pixels that a lucky path made far too
-//! bright.
+//! The estimated error of a render: what the halves of its passes disagree on, without the few
+//! pixels that a lucky path made far too bright.
 //!
-//! Squared noise has heavy tails: in most scenes a handful of pixels holds more of it than all others together, so that its plain
-//! mean jumps with every such path and tells nothing of the image as a whole, nor of what more passes would do. As in
-//! [`crate::math::image_error`], the worst 0.1 % of the pixels are left out; what they add is told beside it.
+//! Squared noise has heavy tails: in most scenes a handful of pixels holds more of it than all
+//! others together, so that its plain mean jumps with every such path and tells nothing of the
+//! image as a whole, nor of what more passes would do. As in [`crate::math::image_error`], the
+//! worst 0.1 % of the pixels are left out; what they add is told beside it.
 
 use crate::film::Film;
 use crate::math::image_error::TRIMMED_SHARE;
@@ -11,15 +12,18 @@ use crate::math::image_error::TRIMMED_SHARE;
 /// Error of an image, relative to the mean of Y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorEstimate {
-    /// Root mean square over the pixels of the standard error of Y, without the worst 0.1 % of the pixels, over the mean of Y.
+    /// Root mean square over the pixels of the standard error of Y, without the worst 0.1 % of the
+    /// pixels, over the mean of Y.
     pub relative: f64,
     /// The same with all pixels.
     pub of_all_pixels: f64,
-    /// (Σv)²/Σv² of the squares v behind `relative`: how many pixels carry it. Its square is known to about √(2/(3n)).
+    /// (Σv)²/Σv² of the squares v behind `relative`: how many pixels carry it. Its square is known
+    /// to about √(2/(3n)).
     pub effective_pixels: f64,
 }
 
-/// The error of the mean of `even` and `odd` passes. `None` before both halves have a pass or while the image is black.
+/// The error of the mean of `even` and `odd` passes. `None` before both halves have a pass or while
+/// the image is black.
 #[must_use]
 pub fn error_estimate(image: &Film, even: u64, odd: u64) -> Option<ErrorEstimate> {
     let noise = image.noise(1, even, odd)?;
@@ -70,7 +74,8 @@ mod tests {
     #[test]
     fn one_lucky_path_does_not_count() {
         let none = error_estimate(&film(0.0), 1, 1).expect("both halves");
-        // 3000 squares: their mean is known to 2.3 %, its root to half of it; three pixels of large ones are left out
+        // 3000 squares: their mean is known to 2.3 %, its root to half of it; three pixels of large
+        // ones are left out
         let expected = (1.0_f64 / 24.0).sqrt() / 2.0;
         assert!((none.relative / expected - 1.0).abs() < 0.05, "{none:?}");
         assert!(none.relative < none.of_all_pixels);

@@ -1,16 +1,19 @@
-//! What the next digit costs: the estimated error of a render at doubling numbers of passes, and the time to a smaller one.
+//! Price of the next digit: the estimated error of a render at doubling numbers of passes, and the
+//! time to a smaller one.
 
 use super::ErrorEstimate;
 use crate::math::convergence::{Point, Trend, trend};
 use std::time::Duration;
 
-/// Pixels that must carry the error for a forecast: the square of the error, and so the time, is then known to 12 %.
+/// Pixels that must carry the error for a forecast: the square of the error, and so the time, is
+/// then known to 12 %.
 const LEAST_EFFECTIVE_PIXELS: f64 = 50.0;
 /// Passes before the estimate of the error is worth keeping.
 const LEAST_PASSES: u64 = 4;
 
-/// Rates of the long run: 1/2 for independent samples, 1/3 where the noise is that of cones that shrink with the passes (variance in
-/// proportion to N^-1 ε^-2, ε to N^(-1/6)). What falls faster has filled strata, and will not go on so.
+/// Rates of the long run: 1/2 for independent samples, 1/3 where the noise is that of cones that
+/// shrink with the passes (variance in proportion to N^-1 ε^-2, ε to N^(-1/6)). What falls faster
+/// has filled strata, and will not go on so.
 const RATES: [f64; 2] = [1.0 / 3.0, 0.5];
 
 /// Errors of a render as its passes double.
@@ -19,14 +22,14 @@ pub struct ErrorHistory {
     points: Vec<Point>,
 }
 
-/// What is known of the time to a smaller error.
+/// Knowledge of the time to a smaller error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Forecast {
     /// Too few passes.
     Unknown,
     /// The error does not fall steadily.
     Unsteady,
-    /// What it takes in all.
+    /// Time that it takes in all.
     Takes {
         /// Passes.
         passes: f64,
@@ -36,7 +39,8 @@ pub enum Forecast {
 }
 
 impl ErrorHistory {
-    /// After a pass, `passes` in all: keeps the error where their number has doubled. `error` is asked for only then.
+    /// After a pass, `passes` in all: keeps the error where their number has doubled. `error` is
+    /// asked for only then.
     pub fn after_pass(&mut self, passes: u64, error: impl FnOnce() -> Option<f64>) {
         if passes < LEAST_PASSES || !passes.is_power_of_two() {
             return;
@@ -49,7 +53,8 @@ impl ErrorHistory {
         }
     }
 
-    /// What an error of `target` takes, for a render that has the error `error` after `passes` passes of the mean length `per_pass`.
+    /// Time that an error of `target` takes, for a render that has the error `error` after `passes`
+    /// passes of the mean length `per_pass`.
     #[must_use]
     pub fn forecast(
         &self,

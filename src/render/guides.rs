@@ -1,9 +1,11 @@
-//! First-hit images: depth, normal and albedo through each pixel's centre, in the middle of the shutter.
+//! First-hit images: depth, normal and albedo through each pixel's centre, in the middle of the
+//! shutter.
 
 use crate::bsdf::{Bsdf, Interface};
 use crate::film::Crop;
 use crate::geometry::{InstanceId, Placements, Ray};
 use crate::scene::Scene;
+use crate::scene::crossing::alone;
 use crate::spectrum::{MAX_LANES, xyz};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -48,14 +50,21 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                     return Guide::default();
                 };
                 let point = scene.geometry.surface(&ray, &hit);
+                let mut faces = scene.faces_at(&point);
                 // what is mostly open is looked through
-                if !scene.object(hit.id.instance).has_alpha || scene.coverage(&point) >= 0.5 {
-                    break (hit, scene.shading_point(point));
+                faces.retain(|face| {
+                    let id = face.point.id.instance;
+                    visible(id)
+                        && !(scene.object(id).has_alpha && scene.coverage(&face.point) < 0.5)
+                });
+                if let Some(last) = faces.len().checked_sub(1) {
+                    let met = alone(&scene.objects, &faces).unwrap_or(last);
+                    break (hit, scene.shading_point(faces[met].point));
                 }
                 passed += hit.t;
                 ray = Ray::leaving(point.p, ray.d, Some(point.id));
             };
-            let material = scene.material(scene.object(hit.id.instance).material);
+            let material = scene.material(scene.object(point.id.instance).material);
             let mut albedo = [0.0; 3];
             for lanes in &wavelengths {
                 let interface = Interface {
@@ -63,6 +72,7 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                     eta_below: &[1.5; MAX_LANES],
                     count: lanes.count(),
                     dispersive: false,
+                    albedos: scene.albedos(),
                 };
                 let mut lobes = Vec::new();
                 material.push_lobes(point.uv, lanes, &interface, &mut lobes);

@@ -9,8 +9,8 @@ use crate::spectrum::SpectralChannels;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Bytes of the films of a request, of so many pixels: two halves of a sum per channel. Films of single strategies come
-/// with the paths that are met, and are not counted.
+/// Bytes of the films of a request, of so many pixels: two halves of a sum per channel. Films of
+/// single strategies come with the paths that are met, and are not counted.
 #[must_use]
 pub fn film_bytes(pixels: u64, request: &OutputRequest) -> u64 {
     let shares = if request.shares { 2 } else { 0 };

@@ -1,10 +1,13 @@
-//! Photon merging over the passes of a render: radius, wavelengths and times that a pass shares, memory.
+//! Photon merging over the passes of a render: radius, wavelengths and times that a pass shares,
+//! memory.
 //!
-//! The radius shrinks as r₁ i^(−(1−α)/2) with the global index i = 1, 2, ... of the pass, so that passes stay independent (Knaus
-//! and Zwicker, "Progressive Photon Mapping: A Probabilistic Approach", 2011); α = 2/3 balances squared bias and variance (Kaplanyan
-//! and Dachsbacher, "Adaptive Progressive Photon Mapping", 2013).
+//! The radius shrinks as r₁ i^(−(1−α)/2) with the global index i = 1, 2, ... of the pass, so that
+//! passes stay independent (Knaus and Zwicker, "Progressive Photon Mapping: A Probabilistic
+//! Approach", 2011); α = 2/3 balances squared bias and variance (Kaplanyan and Dachsbacher,
+//! "Adaptive Progressive Photon Mapping", 2013).
 //!
-//! Invariant: r₁ is a function of scene and settings without the seed, so that all parts of a render agree.
+//! Invariant: r₁ is a function of scene and settings without the seed, so that all parts of a
+//! render agree.
 
 use super::pilot::{PASS, SAMPLES, lattice};
 use crate::film::Crop;
@@ -52,7 +55,7 @@ pub enum RadiusReason {
     Scene,
 }
 
-/// What merging will hold in memory during a pass.
+/// Memory that merging will hold during a pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotonMemory {
     /// Stored vertices per light sub-path, from a pilot.
@@ -194,8 +197,9 @@ pub fn shared_sample(frame: &SensorJob, index: u32) -> SharedSample {
     }
 }
 
-/// Traces the light sub-paths of all pixels of the crop and stores their vertices. The order of the photons is that of the pixels,
-/// whatever the threads. No map where there are more than fit; nothing at all where `is_cancelled` says so between batches.
+/// Traces the light sub-paths of all pixels of the crop and stores their vertices. The order of the
+/// photons is that of the pixels, whatever the threads. No map where there are more than fit;
+/// nothing at all where `is_cancelled` says so between batches.
 pub fn trace_photons(
     frame: &SensorJob,
     pass: &PassSettings,
@@ -236,7 +240,7 @@ pub fn trace_photons(
     Some((map, counters))
 }
 
-/// What the passes of a render over part of the film will hold.
+/// Memory that the passes of a render over part of the film will hold.
 #[must_use]
 pub fn memory(frame: &SensorJob, crop: &Crop) -> PhotonMemory {
     let (mut tracer, mut buffer) = (PhotonTracer::default(), PhotonBuffer::default());

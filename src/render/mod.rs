@@ -14,6 +14,7 @@ pub mod pilot;
 pub mod session;
 pub mod stop;
 pub mod table;
+pub mod variance;
 
 pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;
@@ -23,6 +24,7 @@ pub use pass::{TileObserver, Tiles};
 pub use session::{Progress, Session, SessionError, SessionOptions};
 pub use stop::{Cancel, StopReason, StopRules};
 pub use table::ClassTable;
+pub use variance::{PilotPasses, VarianceFactors};
 
 use crate::film::{AddSumsError, Crop};
 use crate::integrator::SensorJob;
@@ -34,7 +36,8 @@ use crate::transport::{Cone, Counters, PassSettings, PhotonMap};
 use pass::{PassCounts, Watch};
 use std::sync::Arc;
 
-/// The render of one sensor: its films, and the passes they hold. [`Session`] adds passes until it is time to stop.
+/// The render of one sensor: its films, and the passes they hold. [`Session`] adds passes until it
+/// is time to stop.
 #[derive(Debug)]
 pub struct Render {
     scene: Arc<Scene>,
@@ -46,6 +49,8 @@ pub struct Render {
     outputs: Outputs,
     /// ε₁ of regularized renders.
     epsilon: Option<EpsilonChoice>,
+    /// Variance factors of the weights, where they have any.
+    factors: Option<VarianceFactors>,
     /// r₁ of renders with merging.
     radius: Option<RadiusChoice>,
     /// Bytes of the largest photon map so far.
@@ -77,6 +82,8 @@ impl Render {
         let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
         let merges = frame.strategies.merge.is_some();
         let radius = merges.then(|| merging::choose_radius(&frame, outputs.response));
+        let passes = PilotPasses::of(settings.spp);
+        let factors = variance::choose(&frame, crop, cone, outputs.response, passes);
         let roulette_threshold = pilot::roulette_threshold(&frame, cone, outputs.response);
         Self {
             scene: Arc::clone(scene),
@@ -87,6 +94,7 @@ impl Render {
             regularization: frame.regularization,
             outputs,
             epsilon,
+            factors,
             radius,
             photon_bytes: 0,
             roulette_threshold,
@@ -122,7 +130,29 @@ impl Render {
             request,
             ..
         } = self;
-        frame(scene, self.sensor, settings, crop, request)
+        let mut frame = frame(scene, self.sensor, settings, crop, request);
+        frame.strategies.factors = self.factors.as_ref().map(|found| &found.factors);
+        frame
+    }
+
+    /// Variance factors of the weights, where they have any.
+    #[must_use]
+    pub fn factors(&self) -> Option<&VarianceFactors> {
+        self.factors.as_ref()
+    }
+
+    /// Finds the variance factors by a pilot of another length: that of the render whose passes
+    /// this one adds to.
+    pub fn repeat_pilot(&mut self, passes: PilotPasses) {
+        let frame = self.frame();
+        let cone = self.epsilon.as_ref().map(|e| Cone::new(e.epsilon));
+        self.factors = variance::choose(&frame, self.crop, cone, self.outputs.response, passes);
+    }
+
+    /// Weights by other variance factors than those found: for tests and studies, before the first
+    /// pass.
+    pub fn set_factors(&mut self, factors: Option<VarianceFactors>) {
+        self.factors = factors;
     }
 
     /// The settings of pass `index`.
@@ -162,7 +192,7 @@ impl Render {
         self.radius.as_ref()
     }
 
-    /// What the photons of a pass will take, where they are merged: an estimate from a short run.
+    /// Memory of the photons of a pass, where they are merged: an estimate from a short run.
     #[must_use]
     pub fn photon_memory(&self) -> Option<PhotonMemory> {
         self.radius
@@ -199,8 +229,9 @@ impl Render {
         ))
     }
 
-    /// Half-aperture of pass `index` in radians, `None` without regularization. The schedule is a function of the global index; to
-    /// tell the bias, an odd pass uses the even one's before it over √2.
+    /// Half-aperture of pass `index` in radians, `None` without regularization. The schedule is a
+    /// function of the global index; to tell the bias, an odd pass uses the even one's before it
+    /// over √2.
     #[must_use]
     pub fn epsilon_of_pass(&self, index: u32) -> Option<f64> {
         let first = self.epsilon.as_ref()?.epsilon;
@@ -235,7 +266,8 @@ impl Render {
         self.epsilon.as_ref()
     }
 
-    /// Mean of ε² over the passes done, in steradians: the bias of the image is in proportion to it.
+    /// Mean of ε² over the passes done, in steradians: the bias of the image is in proportion to
+    /// it.
     #[must_use]
     pub fn mean_epsilon_squared(&self) -> Option<f64> {
         let squares: Option<Vec<f64>> = self
@@ -262,7 +294,8 @@ impl Render {
         }
     }
 
-    /// Traces pass `index` into films, which need not be its own. `None` where it was cancelled: they hold part of it then.
+    /// Traces pass `index` into films, which need not be its own. `None` where it was cancelled:
+    /// they hold part of it then.
     fn trace(&self, index: u32, outputs: &Outputs, watch: &Watch) -> Option<PassCounts> {
         let frame = self.frame();
         let mut pass = self.settings_of(&frame, index);
@@ -323,7 +356,7 @@ impl Render {
         [self.passes.len() as u64 - odd, odd]
     }
 
-    /// What was kept.
+    /// Outputs that were kept.
     #[must_use]
     pub fn outputs(&self) -> &Outputs {
         &self.outputs
@@ -361,7 +394,8 @@ impl Render {
         bias::bias_estimate(&self.outputs.image, even, odd)
     }
 
-    /// Estimated error of the image. `None` before both halves of the passes have one or while the image is black.
+    /// Estimated error of the image. `None` before both halves of the passes have one or while the
+    /// image is black.
     #[must_use]
     pub fn error(&self) -> Option<ErrorEstimate> {
         let [even, odd] = self.pass_counts();

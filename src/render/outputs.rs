@@ -1,4 +1,5 @@
-//! Which images are kept besides XYZ: spectral bins, one image per strategy, one per path class, the share of regularized strategies.
+//! Which images are kept besides XYZ: spectral bins, one image per strategy, one per path class,
+//! the share of regularized strategies.
 
 use crate::film::{Crop, Film, Filter};
 use crate::spectrum::{LaneResponse, SensorResponse, SpectralChannels};
@@ -7,7 +8,7 @@ use regex::Regex;
 use std::collections::BTreeMap;
 use std::sync::{PoisonError, RwLock};
 
-/// What a render is asked to keep.
+/// Outputs that a render is asked to keep.
 #[derive(Clone, Debug)]
 pub struct OutputRequest {
     /// Response of the main image (XYZ, relative or photometric).

@@ -56,7 +56,8 @@ struct Local {
     table: ClassTable,
 }
 
-/// Adds a sample of every pixel to `outputs`. `None` where the pass was cancelled: then some tiles are missing.
+/// Adds a sample of every pixel to `outputs`. `None` where the pass was cancelled: then some tiles
+/// are missing.
 pub(super) fn render_tiles(
     frame: &SensorJob,
     pass: &PassSettings,

@@ -7,9 +7,10 @@ use crate::transport::{Cone, PassSettings};
 
 /// Samples of a pilot.
 pub(super) const SAMPLES: u32 = 1024;
-/// Its pass index, which no render reaches.
+/// Pass index of the pilot, which no render reaches.
 pub(super) const PASS: u32 = u32::MAX;
-/// Share of the mean contribution of a sample below which contributions meet roulette before their shadow ray.
+/// Share of the mean contribution of a sample below which contributions meet roulette before their
+/// shadow ray.
 const SHARE: f64 = 0.05;
 
 /// As many pixels, spread over the crop (the R2 lattice).
@@ -25,8 +26,8 @@ pub(super) fn lattice(crop: &Crop) -> impl Iterator<Item = (u32, u32)> {
     })
 }
 
-/// The roulette threshold: a share of the mean indirect value of a sample. A function of scene, settings and seed alone, so that
-/// renders of different passes agree.
+/// The roulette threshold: a share of the mean indirect value of a sample. A function of scene,
+/// settings and seed alone, so that renders of different passes agree.
 #[must_use]
 pub fn roulette_threshold(frame: &SensorJob, cone: Option<Cone>, response: SensorResponse) -> f64 {
     let pass = PassSettings {

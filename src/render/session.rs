@@ -1,12 +1,14 @@
-//! A render session: the loop over passes. It knows which pass is next, when to stop, when to save, and what is known of the error.
+//! A render session: the loop over passes. It knows which pass is next, when to stop, when to save,
+//! and what is known of the error.
 //!
-//! Invariant: outside of [`Session::step`] the films hold whole passes only. In a live session they do at any time: a pass is
-//! traced into films of its own, which are added when it is complete and dropped when it is cancelled.
+//! Invariant: outside of [`Session::step`] the films hold whole passes only. In a live session they
+//! do at any time: a pass is traced into films of its own, which are added when it is complete and
+//! dropped when it is cancelled.
 
 use super::clock::PassTime;
 use super::forecast::{ErrorHistory, Forecast};
 use super::pass::{TileObserver, Tiles, Watch};
-use super::{Cancel, OutputRequest, Outputs, Render, StopReason, StopRules};
+use super::{Cancel, OutputRequest, Outputs, PilotPasses, Render, StopReason, StopRules};
 use crate::film::{AddSumsError, Crop};
 use crate::scene::{Scene, Settings};
 use std::cell::LazyCell;
@@ -33,10 +35,11 @@ pub struct SessionOptions {
     pub stop: StopRules,
     /// Ends the session from outside: between passes, or in a live session between tiles.
     pub cancel: Cancel,
-    /// Readers never wait for a pass, and a cancelled one leaves no trace: each is traced into films of its own, which takes the
-    /// memory of the films twice.
+    /// Readers never wait for a pass, and a cancelled one leaves no trace: each is traced into
+    /// films of its own, which takes the memory of the films twice.
     pub live: bool,
-    /// [`Progress::save_is_due`] comes up so that no more than this much time is lost; `None`: never.
+    /// [`Progress::save_is_due`] comes up so that no more than this much time is lost; `None`:
+    /// never.
     pub save_interval: Option<Duration>,
 }
 
@@ -80,7 +83,7 @@ pub struct Progress {
     pub time: PassTime,
     /// Time to write what there is.
     pub save_is_due: bool,
-    /// It is over, and why.
+    /// Ended, and why.
     pub stop: Option<StopReason>,
 }
 
@@ -89,8 +92,8 @@ pub struct Progress {
 pub struct View(Arc<RwLock<Render>>);
 
 impl View {
-    /// The render, at a number of whole passes. Waits for the end of a pass unless the session is live. The session cannot go on
-    /// while it is held.
+    /// The render, at a number of whole passes. Waits for the end of a pass unless the session is
+    /// live. The session cannot go on while it is held.
     pub fn read(&self) -> RwLockReadGuard<'_, Render> {
         // a poisoned lock means that a render thread has panicked; the sums stay consistent
         self.0.read().unwrap_or_else(PoisonError::into_inner)
@@ -194,6 +197,29 @@ impl Session {
         Ok(())
     }
 
+    /// First and last pass that neither the restored ones nor those to come hold, though they hold
+    /// passes before and after.
+    #[must_use]
+    pub fn gap(&self) -> Option<(u32, u32)> {
+        let last = *self.restored.last()?;
+        if self.passes.is_empty() {
+            return None;
+        }
+        let first = *self.restored.first()?;
+        // the first pass to come may be behind all restored ones, or the last before them
+        let (end, start) = if self.passes.start > last {
+            (last.checked_add(1)?, self.passes.start)
+        } else {
+            (self.passes.end, first)
+        };
+        (end < start).then(|| (end, start - 1))
+    }
+
+    /// Finds the variance factors of the weights as the render did whose passes are to be restored.
+    pub fn repeat_pilot(&mut self, passes: PilotPasses) {
+        self.view.write().repeat_pilot(passes);
+    }
+
     /// Number of passes that are left, if nothing ends the session before.
     #[must_use]
     pub fn passes_left(&self) -> u64 {
@@ -254,8 +280,9 @@ impl Session {
         }
     }
 
-    /// A smaller error and the passes and time it takes in all: `target` where the error is above it, else half the error.
-    /// `None` while the error is unknown, or without a pass of this session.
+    /// A smaller error and the passes and time it takes in all: `target` where the error is above
+    /// it, else half the error. `None` while the error is unknown, or without a pass of this
+    /// session.
     #[must_use]
     pub fn forecast(&self, target: Option<f64>) -> Option<(f64, Forecast)> {
         let render = self.render();
@@ -268,13 +295,19 @@ impl Session {
         Some((target, forecast))
     }
 
+    /// Changes how much time may be lost, see [`SessionOptions::save_interval`].
+    pub fn set_save_interval(&mut self, interval: Option<Duration>) {
+        self.save_interval = interval;
+    }
+
     /// Wall time since the session began.
     #[must_use]
     pub fn elapsed(&self) -> Duration {
         self.began.elapsed()
     }
 
-    /// Keeps the error where it belongs to the history, and tells whether the pass just added is the last one.
+    /// Keeps the error where it belongs to the history, and tells whether the pass just added is
+    /// the last one.
     fn reason_to_stop(&mut self) -> Option<StopReason> {
         let render = self.view.read();
         let passes = render.passes().len();

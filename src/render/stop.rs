@@ -1,4 +1,5 @@
-//! When a render ends: after its passes, its time, or when its error is small enough. Checked between passes.
+//! When a render ends: after its passes, its time, or when its error is small enough. Checked
+//! between passes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
@@ -7,7 +8,7 @@ use std::time::Duration;
 /// Passes before the estimate of the error is trusted.
 const LEAST_PASSES_FOR_ERROR: usize = 4;
 
-/// What ends a render besides the end of its passes.
+/// Rules that end a render before its last pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StopRules {
     /// Time budget.
@@ -25,9 +26,9 @@ pub enum StopReason {
     Time,
     /// The error is small enough.
     Error,
-    /// It was asked to stop ([`Cancel`]).
+    /// Stopped on request ([`Cancel`]).
     Interrupted,
-    /// What drives it had enough.
+    /// Stopped by the caller's own rule.
     Driver,
 }
 
@@ -45,7 +46,8 @@ impl StopReason {
     }
 }
 
-/// A request to stop that other threads, or a signal handler, can make. It stays until it is cleared.
+/// A request to stop that other threads, or a signal handler, can make. It stays until it is
+/// cleared.
 #[derive(Clone, Debug, Default)]
 pub struct Cancel(Arc<AtomicBool>);
 
@@ -68,7 +70,8 @@ impl Cancel {
 }
 
 impl StopRules {
-    /// Whether to stop after `passes` passes and `elapsed` time; `error` is asked for only where it counts.
+    /// Whether to stop after `passes` passes and `elapsed` time; `error` is asked for only where it
+    /// counts.
     pub fn check(
         &self,
         passes: usize,

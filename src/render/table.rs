@@ -1,6 +1,8 @@
-//! Class × strategy: hits, raw mean and weighted mean, the instrument for finding what a method misses.
+//! Class × strategy: hits, raw mean and weighted mean, the instrument for finding what a method
+//! misses.
 //!
-//! The raw mean is what the strategy alone would estimate for the class; all strategies that can make a class agree on it.
+//! The raw mean is what the strategy alone would estimate for the class; all strategies that can
+//! make a class agree on it.
 
 use crate::spectrum::LaneResponse;
 use crate::transport::Contribution;
@@ -20,7 +22,7 @@ pub struct Row {
     pub weighted: f64,
 }
 
-/// What all strategies together found of one class.
+/// Sum over all strategies of one class.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClassShare {
     /// The class.
@@ -38,7 +40,8 @@ pub struct ClassTable {
 }
 
 impl ClassTable {
-    /// Adds the `share` of a contribution that lands on the film, as it counts for the sum over all pixels.
+    /// Adds the `share` of a contribution that lands on the film, as it counts for the sum over all
+    /// pixels.
     pub fn add(&mut self, contribution: &Contribution, share: f64, response: &LaneResponse) {
         let y = |lanes| response.xyz(lanes)[1];
         let row = self
@@ -68,8 +71,9 @@ impl ClassTable {
         self.rows.iter()
     }
 
-    /// The classes that hold light but were hit fewer than `least_hits` times, the brightest first. What is known of them may be
-    /// far from the truth, without any sign of it in the noise of the image.
+    /// The classes that hold light but were hit fewer than `least_hits` times, the brightest first.
+    /// Such estimates may be far from the truth, without any sign of it in the noise of the
+    /// image.
     #[must_use]
     pub fn rarely_hit(&self, least_hits: u64) -> Vec<ClassShare> {
         let mut classes: BTreeMap<PathClass, (u64, f64)> = BTreeMap::new();

@@ -9,14 +9,14 @@
 use super::ReportError;
 use super::compare::{ColorLines, Xyz, bands, bands_json};
 use super::html::{escape, png_url};
+use crate::develop::Development;
 use crate::film::{Crop, Filter};
 use crate::io::loaded::{self, Loaded};
-use crate::io::png::preview_bytes;
+use crate::io::png::developed_bytes;
 use crate::math::banding::Banding;
 use crate::math::image_error::image_error;
 use crate::render::session::NO_LIMIT;
 use crate::render::{Render, Session, SessionOptions, SharedWavelengths};
-use crate::spectrum::xyz::xyz_to_linear_srgb;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::ops::{ControlFlow, Range};
@@ -137,6 +137,7 @@ fn image(render: &Render) -> Xyz {
     Xyz {
         size: (crop.width(), crop.height()),
         values: render.xyz(),
+        of: [None, None],
     }
 }
 
@@ -285,12 +286,8 @@ impl Findings {
                 xyz[to..to + 3 * w].copy_from_slice(line);
             }
         }
-        let png = preview_bytes(
-            (width as u32, height as u32),
-            &xyz,
-            exposure_ev,
-            xyz_to_linear_srgb,
-        )?;
+        let development = Development::linear(exposure_ev);
+        let png = developed_bytes((width as u32, height as u32), &xyz, &development)?;
         Ok(((width, height), png))
     }
 

@@ -1,7 +1,7 @@
 //! Two tables of path classes and strategies, side by side.
 //!
-//! What a method misses shows here and not in its noise: a class that one table holds and the other
-//! has never hit, or means of one class that differ although both were hit often.
+//! Light that a method misses shows here and not in its noise: a class that one table holds and the
+//! other has never hit, or means of one class that differ although both were hit often.
 
 use super::readable::percent;
 use super::{ReportError, json};

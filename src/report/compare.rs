@@ -3,7 +3,7 @@
 
 use super::ReportError;
 use crate::film::Crop;
-use crate::io::exr;
+use crate::io::exr::{self, MetadataValue};
 use crate::math::banding::{Axis, Banding, banding};
 use crate::math::image_error::{ImageError, image_error};
 use serde_json::{Value, json};
@@ -45,6 +45,8 @@ pub struct Xyz {
     pub size: (u32, u32),
     /// X, Y and Z of each pixel.
     pub values: Vec<f64>,
+    /// Hash of the scene and name of the sensor, where the file says them.
+    pub of: [Option<String>; 2],
 }
 
 impl Xyz {
@@ -62,7 +64,11 @@ impl Xyz {
             return Err(ReportError::file(path, message));
         }
         let size = (image.crop.width(), image.crop.height());
-        Ok(Self { size, values })
+        let of = ["sceneHash", "sensor"].map(|name| match image.metadata.get(name) {
+            Some(MetadataValue::Text(text)) => Some(text.clone()),
+            _ => None,
+        });
+        Ok(Self { size, values, of })
     }
 
     /// Reads an image and its reference.
@@ -73,6 +79,14 @@ impl Xyz {
         let pair = [Self::read(image)?, Self::read(reference)?];
         check_size(image, pair[0].size, pair[1].size)?;
         Ok(pair)
+    }
+
+    /// Whether two images say that they show different scenes, or one by different sensors.
+    #[must_use]
+    pub fn shows_another(&self, other: &Self) -> bool {
+        let differ =
+            |(a, b): (&Option<String>, &Option<String>)| a.is_some() && b.is_some() && a != b;
+        self.of.iter().zip(&other.of).any(differ)
     }
 
     /// One of X, Y, Z.

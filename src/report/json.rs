@@ -2,10 +2,10 @@
 
 use super::ReportError;
 use crate::io::atomic::{FileError, write_atomic};
+use crate::io::files::read_regular;
 use serde::de::{Deserialize, DeserializeOwned, Deserializer};
 use serde::ser::Serialize;
-use std::fs::File;
-use std::io::{Read as _, Write as _};
+use std::io::Write as _;
 use std::path::Path;
 
 /// Longest file read, in bytes.
@@ -16,15 +16,9 @@ const LONGEST: u64 = 1 << 28;
 /// # Errors
 /// Where the file cannot be read, is too long, or is something else.
 pub fn read<T: DeserializeOwned>(path: &Path, what: &str) -> Result<T, ReportError> {
-    let mut text = String::new();
-    File::open(path)
-        .and_then(|file| file.take(LONGEST + 1).read_to_string(&mut text))
-        .map_err(|e| ReportError::file(path, e.to_string()))?;
-    if text.len() as u64 > LONGEST {
-        let message = format!("is longer than {} MB", LONGEST >> 20);
-        return Err(ReportError::file(path, message));
-    }
-    serde_json::from_str(&text).map_err(|e| ReportError::file(path, format!("is not {what}: {e}")))
+    let text = read_regular(path, LONGEST).map_err(|e| ReportError::file(path, e.to_string()))?;
+    serde_json::from_slice(&text)
+        .map_err(|e| ReportError::file(path, format!("is not {what}: {e}")))
 }
 
 /// Writes a file.

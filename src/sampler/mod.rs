@@ -160,24 +160,30 @@ impl Sampler {
     pub fn set(&self, draw: Draw) -> [f64; 4] {
         let place = draw.place();
         let Place { kind, index, .. } = place;
-        let fine: [f64; 4] = std::array::from_fn(|i| self.hashed(kind, index, i as u64));
-        let Some(set) = place.set else { return fine };
-        // the sequence gives the leading 23 bits, the hash the rest; its seed shuffles and scrambles
+        let Some(set) = place.set else {
+            return std::array::from_fn(|i| unit_f64(self.bits(kind, index, i as u64)));
+        };
+        // the sequence gives the leading 23 bits, the hash the rest; its seed shuffles and
+        // scrambles
         let sequence = kind << 56 | if place.joint { 0 } else { index };
         let scramble = combine(self.scramble, sequence) as u32;
         let leading = sobol_burley::sample_4d(self.index, set, scramble);
-        std::array::from_fn(|i| f64::from(leading[i]) + fine[i] * (1.0 / 8_388_608.0))
+        let fine = [self.bits(kind, index, 0), self.bits(kind, index, 1)];
+        std::array::from_fn(|i| {
+            let fine = fine[i / 2] >> (32 * (i % 2)) & 0x3fff_ffff;
+            f64::from(leading[i]) + fine as f64 * (1.0 / 9_007_199_254_740_992.0)
+        })
     }
 
     /// One number in [0, 1) for a draw that is never stratified.
     #[must_use]
     pub fn number(&self, draw: Draw) -> f64 {
         let Place { kind, index, .. } = draw.place();
-        self.hashed(kind, index, 0)
+        unit_f64(self.bits(kind, index, 0))
     }
 
-    fn hashed(&self, kind: u64, index: u64, component: u64) -> f64 {
-        unit_f64(random_bits(self.key, kind << 58 | index << 2 | component))
+    fn bits(&self, kind: u64, index: u64, component: u64) -> u64 {
+        random_bits(self.key, kind << 58 | index << 2 | component)
     }
 }
 
@@ -206,10 +212,10 @@ fn morton(x: u32, y: u32) -> u32 {
 /// Pascal's triangle modulo 2 times the bits of `n`: bit r of the product is the parity of C(r, c)
 /// over the set bits c of `n`.
 ///
-/// Its minors of q rows in sequence and the first q columns are all 1 (Vandermonde), so that beside
-/// the identity, which holds p digits for 2^p pixels, it gives 2^q passes all values of the next q
-/// digits. C(r, c) is odd where c is a subset of r (Lucas), which makes the product a sum over
-/// subsets.
+/// The triangle's minors of q rows in sequence and the first q columns are all 1 (Vandermonde), so
+/// that beside the identity, which holds p digits for 2^p pixels, it gives 2^q passes all values of
+/// the next q digits. C(r, c) is odd where c is a subset of r (Lucas), which makes the product a
+/// sum over subsets.
 fn pascal(n: u32) -> u32 {
     let n = n ^ (n & 0x5555_5555) << 1;
     let n = n ^ (n & 0x3333_3333) << 2;

@@ -1,6 +1,7 @@
 //! The scene at one moment: all that a path asks of it.
 
 use super::Scene;
+use crate::bsdf::albedo::AlbedoTables;
 use crate::geometry::{AccelAt, Hit, InstanceId, Moment, Placements, Ray, SurfacePoint};
 use std::ops::Deref;
 
@@ -38,6 +39,12 @@ impl<'a> SceneAt<'a> {
         self.geometry.moment()
     }
 
+    /// Albedos of rough lobes.
+    #[must_use]
+    pub fn albedos(&self) -> &'a AlbedoTables {
+        &self.scene.albedos
+    }
+
     /// The closest hit among the instances for which `visible` says true.
     #[must_use]
     #[inline]
@@ -45,26 +52,8 @@ impl<'a> SceneAt<'a> {
         self.geometry.closest(ray, visible)
     }
 
-    /// Transmittance of the objects with a coverage along a segment.
-    #[must_use]
-    pub fn uncovered(&self, ray: &Ray) -> f64 {
-        let (mut ray, mut open) = (*ray, 1.0);
-        while open > 0.0
-            && let Some(hit) = self.closest(&ray, |id| self.object(id).has_alpha)
-        {
-            let point = self.geometry.surface(&ray, &hit);
-            open *= 1.0 - self.coverage(&point);
-            ray = Ray {
-                o: point.p,
-                t_max: ray.t_max - hit.t,
-                start: Some(point.id),
-                ..ray
-            };
-        }
-        open
-    }
-
-    /// The point with the shading normal of its material: the one place where normals are bent, for all strategies.
+    /// The point with the shading normal of its material: the one place where normals are bent, for
+    /// all strategies.
     #[must_use]
     pub fn shading_point(&self, mut point: SurfacePoint) -> SurfacePoint {
         if let Some(map) = &self.material_of(point.id.instance).normal {

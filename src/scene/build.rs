@@ -1,5 +1,9 @@
-//! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends of paths.
+//! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends
+//! of paths.
 
+mod surroundings;
+
+use super::albedo::albedo_tables;
 use super::chains::Chains;
 use super::description::{
     LightDescription, ObjectDescription, SceneDescription, SensorDescription, WavelengthChoice,
@@ -7,8 +11,9 @@ use super::description::{
 };
 use super::effects::find_effects;
 use super::probe::stack_at;
-use super::{Object, Scene, Sensor};
+use super::{Object, Passage, Scene, Sensor};
 use crate::camera::{Camera, CameraKind};
+use crate::geometry::coincident::MOST_FACES;
 use crate::geometry::{Accel, AccelAt, AreaSampler, Instance, InstanceId, Shape, Shutter};
 use crate::light::area::AreaLight;
 use crate::light::selection::LightSelection;
@@ -22,8 +27,10 @@ use std::fmt;
 use std::sync::Arc;
 
 /// Part of a [`SceneDescription`] that a [`BuildError`] is about, by its index there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Subject {
+    /// An entry of `objects`.
+    Object(usize),
     /// The emission of an entry of `objects`.
     Emission(usize),
     /// An entry of `lights`.
@@ -35,6 +42,7 @@ pub enum Subject {
 impl fmt::Display for Subject {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self {
+            Self::Object(_) => "object",
             Self::Emission(_) | Self::Light(_) => "light",
             Self::Sensor(_) => "sensor",
         })
@@ -45,25 +53,82 @@ impl fmt::Display for Subject {
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum BuildError {
     /// Nothing emits.
-    #[error("the scene has no light that emits anything in the working range of wavelengths")]
+    #[error(
+        "the scene has no light that emits anything in the working range of wavelengths (needed: a \
+         [[light]], or an [[object]] with emission)"
+    )]
     NoLight,
     /// Rays disagree about the medium around a light or sensor.
     #[error(
-        "cannot tell which medium {subject} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it)"
+        "cannot tell which medium {subject} \"{name}\" is in (a solid around it is not closed, or a surface cuts through it; its key medium can say it)"
     )]
     UnclearMedium {
         /// The light or sensor.
         subject: Subject,
-        /// Its name.
+        /// Name.
         name: String,
+    },
+    /// The medium that is said to be around a light or sensor is not the one that is there.
+    #[error("{subject} \"{name}\" is in the medium \"{found}\", not in \"{named}\"")]
+    OtherMedium {
+        /// The light or sensor.
+        subject: Subject,
+        /// Name.
+        name: String,
+        /// The medium that is there.
+        found: String,
+        /// The medium that is said to be there.
+        named: String,
     },
     /// The medium around a light or sensor is another one at another time.
     #[error("{subject} \"{name}\" moves from one medium into another while the shutter is open")]
     ChangingMedium {
         /// The light or sensor.
         subject: Subject,
-        /// Its name.
+        /// Name.
         name: String,
+    },
+    /// A solid whose surface moves is wound inwards.
+    #[error(
+        "{subject} \"{name}\" is inside out: the triangles of its mesh run clockwise seen from outside (allowed: counter-clockwise)"
+    )]
+    InsideOut {
+        /// The object.
+        subject: Subject,
+        /// Name.
+        name: String,
+    },
+    /// Two detectors are in the same place: only one can be met there.
+    #[error(
+        "{subject} \"{name}\" lies on sensor \"{other}\": only one detector can be in a place (allowed: a gap, or transparent = true on one of them)"
+    )]
+    SensorsTouch {
+        /// The detector that comes first.
+        subject: Subject,
+        /// Name.
+        name: String,
+        /// The name of the other.
+        other: String,
+    },
+    /// A lamp emits from its two sides into two media.
+    #[error(
+        "{subject} \"{name}\" emits from its two sides into two media (allowed: two lamps that face the two sides)"
+    )]
+    TwoMedia {
+        /// The lamp.
+        subject: Subject,
+        /// Name.
+        name: String,
+    },
+    /// More surfaces are in one place than are told apart.
+    #[error(
+        "more than {MOST_FACES} surfaces are in the same place, \"{name}\" and \"{other}\" among them (allowed: {MOST_FACES} that touch)"
+    )]
+    Crowd {
+        /// One of the objects.
+        name: String,
+        /// Another.
+        other: String,
     },
     /// More instances than ids.
     #[error("the scene has more than {0} surfaces")]
@@ -75,24 +140,28 @@ impl BuildError {
     #[must_use]
     pub fn subject(&self) -> Option<Subject> {
         match self {
-            Self::UnclearMedium { subject, .. } | Self::ChangingMedium { subject, .. } => {
-                Some(*subject)
-            }
-            Self::NoLight | Self::TooManyInstances(_) => None,
+            Self::UnclearMedium { subject, .. }
+            | Self::OtherMedium { subject, .. }
+            | Self::ChangingMedium { subject, .. }
+            | Self::InsideOut { subject, .. }
+            | Self::TwoMedia { subject, .. }
+            | Self::SensorsTouch { subject, .. } => Some(*subject),
+            Self::NoLight | Self::Crowd { .. } | Self::TooManyInstances(_) => None,
         }
     }
 }
 
 /// Points of a surface at which the medium around it is checked.
-const PROBES: [[f64; 3]; 5] = [
-    [0.5, 0.5, 0.5],
-    [0.1, 0.07, 0.09],
-    [0.9, 0.93, 0.06],
-    [0.3, 0.08, 0.94],
-    [0.7, 0.92, 0.91],
-];
+const PROBES: u32 = 32;
 
-/// Moments of the shutter at which media are looked for and powers averaged where something moves, as fractions.
+/// Numbers of the nth of them, spread evenly (Roberts, The unreasonable effectiveness of
+/// quasirandom sequences, 2018).
+fn probe(n: u32) -> [f64; 3] {
+    [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step| (0.5 + step * f64::from(n)).fract())
+}
+
+/// Moments of the shutter at which media are looked for and powers averaged where something moves,
+/// as fractions.
 const MOMENTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
 impl Scene {
@@ -105,14 +174,17 @@ impl Scene {
         if surfaces >= u32::MAX as usize {
             return Err(BuildError::TooManyInstances(u32::MAX));
         }
+        let albedos = albedo_tables(&description);
         let mut builder = Builder::new(&mut description);
-        builder.surfaces(std::mem::take(&mut description.objects));
+        builder.surfaces(std::mem::take(&mut description.objects))?;
         builder.lights(std::mem::take(&mut description.lights));
         builder.sensors(std::mem::take(&mut description.sensors));
         let motions = builder.motions();
         let accel = Accel::build(std::mem::take(&mut builder.instances));
         let moments = Moments::new(&builder, &accel);
-        let powers = builder.powers(&accel, &moments)?;
+        let contacts = builder.surroundings(&accel)?;
+        let fluxes = builder.fluxes(&accel, &moments);
+        let powers = builder.powers(&fluxes, description.wavelengths.range_nm)?;
         let light_stacks = builder.light_stacks(&accel, &moments)?;
         builder.sensor_stacks(&accel, &moments)?;
 
@@ -122,6 +194,7 @@ impl Scene {
             lights,
             light_names,
             sensors,
+            notes,
             ..
         } = builder;
         let environments = (0u32..)
@@ -129,7 +202,7 @@ impl Scene {
             .filter(|(_, light)| light.as_environment().is_some())
             .map(|(i, _)| LightId(i))
             .collect();
-        let wavelengths = distribution(&description.wavelengths, &lights, &powers);
+        let wavelengths = distribution(&description.wavelengths, &lights, &fluxes);
         let mut scene = Self {
             has_coverage: objects.iter().any(|o| o.has_alpha),
             selection: LightSelection::new(&powers),
@@ -137,6 +210,7 @@ impl Scene {
             accel,
             objects,
             materials,
+            albedos,
             media: description.media,
             wavelength_settings: description.wavelengths,
             lights,
@@ -148,6 +222,8 @@ impl Scene {
             is_moving: moments.is_moving,
             effects: Vec::new(),
             chains: Chains::default(),
+            contacts,
+            notes,
             hash: description.hash,
         };
         scene.effects = find_effects(&scene);
@@ -159,6 +235,8 @@ impl Scene {
 /// A scene in the making, one method a phase.
 struct Builder {
     ambient: MediumId,
+    named_media: HashMap<Subject, MediumId>,
+    media_names: Vec<String>,
     /// The only lines there are, in nanometres, where a render draws nothing else.
     chosen_lines: Option<Vec<f64>>,
     materials: Vec<Material>,
@@ -168,6 +246,7 @@ struct Builder {
     light_names: Vec<String>,
     light_subjects: Vec<Subject>,
     sensors: Vec<Sensor>,
+    notes: Vec<String>,
 }
 
 /// The moments of a shutter at which media are looked for and powers averaged.
@@ -212,6 +291,8 @@ impl Builder {
         };
         Self {
             ambient: description.ambient,
+            named_media: description.named_media.iter().copied().collect(),
+            media_names: description.media.iter().map(|m| m.name.clone()).collect(),
             chosen_lines,
             materials: std::mem::take(&mut description.materials),
             instances: Vec::with_capacity(description.objects.len()),
@@ -220,11 +301,12 @@ impl Builder {
             light_names: Vec::new(),
             light_subjects: Vec::new(),
             sensors: Vec::with_capacity(description.sensors.len()),
+            notes: Vec::new(),
         }
     }
 
-    /// An emission as the render sees it: where only some lines exist, continuous light stands for a band of 1 nm about
-    /// each.
+    /// An emission as the render sees it: where only some lines exist, continuous light stands for
+    /// a band of 1 nm about each.
     fn seen(&self, emission: Emission) -> Emission {
         match &self.chosen_lines {
             Some(lines) => emission.restricted_to_lines(lines),
@@ -241,9 +323,13 @@ impl Builder {
     }
 
     /// Objects become instances, and those that emit become lights.
-    fn surfaces(&mut self, described: Vec<ObjectDescription>) {
+    fn surfaces(&mut self, described: Vec<ObjectDescription>) -> Result<(), BuildError> {
         let mut samplers = Samplers::default();
-        for (index, object) in described.into_iter().enumerate() {
+        let mut turned = HashMap::new();
+        for (index, mut object) in described.into_iter().enumerate() {
+            if matches!(object.boundary, Boundary::Solid { .. }) {
+                self.turn_outward(index, &mut object, &mut turned)?;
+            }
             let instance = InstanceId(self.instances.len() as u32);
             let light = object.emission.map(|emission| {
                 let area = AreaLight {
@@ -261,10 +347,13 @@ impl Builder {
             });
             let material = &self.materials[object.material.0 as usize];
             self.objects.push(Object {
+                is_interface: material.needs_interior(),
                 clear: material.is_clear_interface() && light.is_none(),
                 has_alpha: material.coverage.is_some()
                     && light.is_none()
                     && object.boundary == Boundary::None,
+                passage: Passage::Blocked,
+                contacts: Vec::new(),
                 name: object.name,
                 material: object.material,
                 boundary: object.boundary,
@@ -273,6 +362,7 @@ impl Builder {
                 transparent_sensor: false,
             });
         }
+        Ok(())
     }
 
     /// Lights that are no surfaces.
@@ -302,8 +392,11 @@ impl Builder {
                     light: None,
                     sensor: Some(index),
                     transparent_sensor: detector.transparent,
+                    is_interface: false,
                     clear: false,
                     has_alpha: false,
+                    passage: Passage::Blocked,
+                    contacts: Vec::new(),
                 });
             }
             self.sensors.push(Sensor {
@@ -331,13 +424,19 @@ impl Builder {
         next
     }
 
-    /// The mean power of each light over the moments.
-    fn powers(&self, accel: &Accel, moments: &Moments) -> Result<Vec<f64>, BuildError> {
-        let mean_power = |light: &Light| {
-            let powers = moments.all.iter().map(|&t| light.power(&accel.at(t)));
-            powers.sum::<f64>() / moments.all.len() as f64
+    /// The mean flux of each light per unit of its emission, over the moments.
+    fn fluxes(&self, accel: &Accel, moments: &Moments) -> Vec<f64> {
+        let mean_flux = |light: &Light| {
+            let fluxes = moments.all.iter().map(|&t| light.flux_factor(&accel.at(t)));
+            fluxes.sum::<f64>() / moments.all.len() as f64
         };
-        let powers: Vec<f64> = self.lights.iter().map(mean_power).collect();
+        self.lights.iter().map(mean_flux).collect()
+    }
+
+    /// The power of each light by which it is chosen, over the working range.
+    fn powers(&self, fluxes: &[f64], range_nm: [f64; 2]) -> Result<Vec<f64>, BuildError> {
+        let power = |(light, flux): (&Light, &f64)| flux * light.emission.sampling_power(range_nm);
+        let powers: Vec<f64> = self.lights.iter().zip(fluxes).map(power).collect();
         if !powers.iter().any(|&p| p > 0.0) {
             return Err(BuildError::NoLight);
         }
@@ -352,8 +451,22 @@ impl Builder {
     ) -> Result<Vec<MediumStack>, BuildError> {
         let named = self.light_names.iter().zip(&self.light_subjects);
         let stack = |(light, (name, subject)): (&Light, (&String, &Subject))| {
-            let at = |&t: &f64| self.light_stack(&accel.at(t), light);
-            constant_stack(moments.all.iter().map(at), *subject, name)
+            let at = |&t: &f64| self.light_stack(&accel.at(t), light, 1.0);
+            let stack = self.known_stack(moments.all.iter().map(at), *subject, name)?;
+            if light.as_area().is_some_and(|area| area.two_sided) {
+                let behind = |&t: &f64| self.light_stack(&accel.at(t), light, -1.0);
+                match constant_stack(moments.all.iter().map(behind), *subject, name) {
+                    Ok(behind) if behind != stack => {
+                        return Err(BuildError::TwoMedia {
+                            subject: *subject,
+                            name: name.clone(),
+                        });
+                    }
+                    Err(problem) if !self.named_media.contains_key(subject) => return Err(problem),
+                    _ => {}
+                }
+            }
+            Ok(stack)
         };
         self.lights.iter().zip(named).map(stack).collect()
     }
@@ -366,17 +479,45 @@ impl Builder {
             let at = |&t: &f64| self.sensor_stack(&accel.at(t), &sensor.camera);
             let stacks = moments.iter().map(at);
             self.sensors[index].stack =
-                constant_stack(stacks, Subject::Sensor(index), &sensor.name)?;
+                self.known_stack(stacks, Subject::Sensor(index), &sensor.name)?;
         }
         Ok(())
     }
 
-    fn light_stack(&self, geometry: &AccelAt, light: &Light) -> Option<MediumStack> {
+    /// The common stack of all moments, checked against the medium that is named, if one is; where
+    /// rays cannot tell, it is the named one.
+    fn known_stack(
+        &self,
+        stacks: impl Iterator<Item = Option<MediumStack>>,
+        subject: Subject,
+        name: &str,
+    ) -> Result<MediumStack, BuildError> {
+        let found = constant_stack(stacks, subject, name);
+        let Some(&named) = self.named_media.get(&subject) else {
+            return found;
+        };
+        match found {
+            Err(BuildError::UnclearMedium { .. }) => Ok(MediumStack::new(named)),
+            Ok(stack) if stack.medium() != named => {
+                let text = |id: MediumId| self.media_names[id.0 as usize].clone();
+                Err(BuildError::OtherMedium {
+                    subject,
+                    name: name.to_owned(),
+                    found: text(stack.medium()),
+                    named: text(named),
+                })
+            }
+            found => found,
+        }
+    }
+
+    /// The solids that a light is in, on the side of a surface's normal (`side` 1) or behind (-1).
+    fn light_stack(&self, geometry: &AccelAt, light: &Light, side: f64) -> Option<MediumStack> {
         let stack = |p, n, start| stack_at(geometry, &self.objects, p, n, start, self.ambient);
         match light.as_area() {
-            Some(area) => common_stack(PROBES.iter().map(|&[u, v, w]| {
+            Some(area) => common_stack((0..PROBES).map(probe).map(|[u, v, w]| {
                 let point = area.sample(geometry, u, DVec2::new(v, w)).point;
-                stack(point.p, point.ng, Some(point.id))
+                stack(point.p, point.ng * side, Some(point.id))
             })),
             None if light.is_infinite() => Some(MediumStack::new(self.ambient)),
             None => {
@@ -388,7 +529,7 @@ impl Builder {
 
     fn sensor_stack(&self, geometry: &AccelAt, camera: &Camera) -> Option<MediumStack> {
         let size = camera.resolution().size();
-        common_stack(PROBES.iter().map(|&[u, v, _]| {
+        common_stack((0..PROBES).map(probe).map(|[u, v, _]| {
             let (raster, u_lens) = (DVec2::new(u, v) * size, DVec2::new(v, u));
             let xk = camera.sample_ray(raster, u_lens, geometry.moment()).xk;
             stack_at(
@@ -423,21 +564,15 @@ impl Samplers {
 fn distribution(
     settings: &WavelengthSettings,
     lights: &[Light],
-    powers: &[f64],
+    fluxes: &[f64],
 ) -> WavelengthDistribution {
     if let WavelengthChoice::Lines(lines) = &settings.choice {
         return WavelengthDistribution::lines(lines);
     }
-    // the weight of an emitter is its flux per unit of its spectrum
     let emitters: Vec<(Emission, f64)> = lights
         .iter()
-        .zip(powers)
-        .map(|(light, power)| {
-            let emission = light.emission.clone();
-            let visible = emission.visible_power();
-            let weight = if visible > 0.0 { power / visible } else { 0.0 };
-            (emission, weight)
-        })
+        .zip(fluxes)
+        .map(|(light, &flux)| (light.emission.clone(), flux))
         .collect();
     let scene = WavelengthDistribution::scene(&emitters, settings.range_nm);
     match &settings.choice {

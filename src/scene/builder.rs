@@ -1,7 +1,7 @@
 //! Scenes made in Rust: parts are added one by one, and named by handles.
 //!
-//! Lengths are metres, angles radians, wavelengths nanometers. Parts are checked when the scene is built, so that every problem
-//! names its part.
+//! Lengths are metres, angles radians, wavelengths nanometers. Parts are checked when the scene is
+//! built, so that every problem names its part.
 
 mod checks;
 mod parts;
@@ -36,9 +36,9 @@ pub enum SceneBuilderError {
     Part {
         /// Such as "object".
         what: &'static str,
-        /// Its name.
+        /// Name.
         name: String,
-        /// What is wrong with it, and what is allowed.
+        /// Fault of the value, and what is allowed.
         problem: String,
     },
     /// No sensor.
@@ -51,8 +51,8 @@ pub enum SceneBuilderError {
 
 /// A scene in the making.
 ///
-/// Begins with air everywhere and with a black material, [`SceneBuilder::BLACK`], which surfaces have until they are given
-/// another. Handles belong to the builder that gave them.
+/// Begins with air everywhere and with a black material, [`SceneBuilder::BLACK`], which surfaces
+/// have until they are given another. Handles belong to the builder that gave them.
 #[derive(Clone, Debug)]
 pub struct SceneBuilder {
     description: SceneDescription,
@@ -79,6 +79,7 @@ impl SceneBuilder {
                 objects: Vec::new(),
                 lights: Vec::new(),
                 sensors: Vec::new(),
+                named_media: Vec::new(),
                 wavelengths: WavelengthSettings {
                     choice: WavelengthChoice::Scene,
                     range_nm: RANGE_NM,
@@ -151,8 +152,8 @@ impl SceneBuilder {
         });
     }
 
-    /// Adds a camera or detector, which measures for the moment 0 s. Cameras have the default filter, detectors that of the
-    /// pixel.
+    /// Adds a camera or detector, which measures for the moment 0 s. Cameras have the default
+    /// filter, detectors that of the pixel.
     pub fn sensor(&mut self, name: &str, camera: Camera) -> &mut SensorDescription {
         let filter = if camera.is_hittable() {
             Filter::Box
@@ -170,13 +171,14 @@ impl SceneBuilder {
         )
     }
 
-    /// Replaces the choice of wavelengths: by the emitters within 360 to 830 nm unless told otherwise.
+    /// Replaces the choice of wavelengths: by the emitters within 360 to 830 nm unless told
+    /// otherwise.
     pub fn wavelengths(&mut self, wavelengths: WavelengthSettings) {
         self.description.wavelengths = wavelengths;
     }
 
-    /// Name by which parts of renders are known to be of the same scene. Without one, it is the scene's content, of which
-    /// large images and meshes take a while to read.
+    /// Name by which parts of renders are known to be of the same scene. Without one, it is the
+    /// scene's content, of which large images and meshes take a while to read.
     pub fn identity(&mut self, name: &str) {
         self.identity = Some(name.to_owned());
     }

@@ -1,12 +1,12 @@
 //! Chains of smooth surfaces that can be solved for: which there are in a scene.
 //!
-//! A chain runs from the light to the sensor and names each surface, whether it reflects or transmits, and the regions
+//! A chain runs from the light to the sensor and names each surface, whether it reflects or transmits, and the media
 //! on both sides of it. Listed are single mirrors and interfaces, balls crossed in one or two chords, and flat faces in a
 //! row.
 
 use super::{Scene, probe};
 use crate::geometry::{AccelAt, InstanceId, Placement, Placements, Shape, SurfaceId};
-use crate::medium::{MediumId, Region};
+use crate::medium::MediumId;
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
@@ -26,21 +26,21 @@ pub struct ChainLink {
     pub transmits: bool,
     /// The segment on the light side is on the side that the normal points to.
     pub from_above: bool,
-    /// The regions above and below the normal.
-    pub regions: [Region; 2],
+    /// The media above and below the normal.
+    pub media: [MediumId; 2],
 }
 
 impl ChainLink {
-    /// Region of the segment on the light side.
+    /// Medium of the segment on the light side.
     #[must_use]
-    pub fn before(&self) -> Region {
-        self.regions[usize::from(!self.from_above)]
+    pub fn before(&self) -> MediumId {
+        self.media[usize::from(!self.from_above)]
     }
 
-    /// Region of the segment on the sensor side.
+    /// Medium of the segment on the sensor side.
     #[must_use]
-    pub fn after(&self) -> Region {
-        self.regions[usize::from(self.from_above == self.transmits)]
+    pub fn after(&self) -> MediumId {
+        self.media[usize::from(self.from_above == self.transmits)]
     }
 }
 
@@ -62,7 +62,7 @@ struct Face {
     shape: FaceShape,
     reflects: bool,
     transmits: bool,
-    regions: Vec<[Region; 2]>,
+    media: Vec<[MediumId; 2]>,
     /// Points on it, in the world, and its normal at the first.
     points: Vec<DVec3>,
     normal: DVec3,
@@ -133,7 +133,7 @@ impl Face {
             )
         };
         let points: Vec<(DVec3, DVec3)> = local.iter().map(world).collect();
-        let mut regions: Vec<[Region; 2]> = Vec::new();
+        let mut media: Vec<[MediumId; 2]> = Vec::new();
         for &(p, n) in &points {
             let ambient = MediumId::AMBIENT;
             let Some(above) = probe::stack_at(geometry, &scene.objects, p, n, Some(id), ambient)
@@ -143,9 +143,9 @@ impl Face {
             let Some(below) = above.crossed(object.boundary, id.instance, true) else {
                 continue;
             };
-            let pair = [above.region(), below.region()];
-            if !regions.contains(&pair) {
-                regions.push(pair);
+            let pair = [above.medium(), below.medium()];
+            if !media.contains(&pair) {
+                media.push(pair);
             }
         }
         Some(Self {
@@ -157,7 +157,7 @@ impl Face {
             },
             reflects,
             transmits,
-            regions,
+            media,
             normal: points.first()?.1,
             points: points.into_iter().map(|p| p.0).collect(),
         })
@@ -170,14 +170,14 @@ impl Face {
         } else {
             self.reflects
         };
-        let bends = move |r: &&[Region; 2]| !transmits || r[0].medium != r[1].medium;
-        let pairs = self.regions.iter().filter(bends).filter(move |_| can);
-        pairs.flat_map(move |&regions| {
+        let bends = move |m: &&[MediumId; 2]| !transmits || m[0] != m[1];
+        let pairs = self.media.iter().filter(bends).filter(move |_| can);
+        pairs.flat_map(move |&media| {
             [true, false].map(|from_above| ChainLink {
                 id: self.id,
                 transmits,
                 from_above,
-                regions,
+                media,
             })
         })
     }
@@ -266,9 +266,7 @@ impl Chains {
         for face in faces.iter().filter(|f| f.shape == FaceShape::Ball) {
             for enter in face.links(true).filter(|l| l.from_above) {
                 for leave in face.links(true).filter(|l| !l.from_above) {
-                    if enter.after() != leave.before()
-                        || enter.before().medium != leave.after().medium
-                    {
+                    if enter.after() != leave.before() || enter.before() != leave.after() {
                         continue;
                     }
                     self.push(ChainKind::from_iter([enter, leave]));

@@ -1,5 +1,6 @@
-//! What a scene file says, with names resolved: the input of the scene's construction.
+//! Scene description: what a scene file says, with names resolved; the input of construction.
 
+use super::Subject;
 use crate::camera::Camera;
 use crate::film::Filter;
 use crate::geometry::{Shape, Shutter, Transform};
@@ -18,11 +19,11 @@ pub struct ObjectDescription {
     pub shape: Shape,
     /// Where it is (metres).
     pub transform: Transform,
-    /// What it is made of.
+    /// Material of the surface.
     pub material: MaterialId,
     /// How it separates media.
     pub boundary: Boundary,
-    /// What it emits, if it does.
+    /// Emission, if there is any.
     pub emission: Option<AreaEmission>,
 }
 
@@ -94,6 +95,8 @@ pub struct SceneDescription {
     pub lights: Vec<LightDescription>,
     /// Sensors, at least one.
     pub sensors: Vec<SensorDescription>,
+    /// Media said to be around an emission, a light or a sensor; else they are looked for.
+    pub named_media: Vec<(Subject, MediumId)>,
     /// Wavelengths.
     pub wavelengths: WavelengthSettings,
     /// Medium id of the ambient medium (always 0).

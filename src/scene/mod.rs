@@ -1,9 +1,11 @@
 //! The immutable scene: everything the transport needs, validated when it is built.
 
+mod albedo;
 pub mod at;
 pub mod build;
 pub mod builder;
 pub mod chains;
+pub mod crossing;
 pub mod description;
 pub mod effects;
 pub mod frozen;
@@ -18,9 +20,11 @@ pub use builder::{SceneBuilder, SceneBuilderError};
 pub use description::{SceneDescription, WavelengthSettings};
 pub use settings::Settings;
 
+use crate::bsdf::albedo::AlbedoTables;
 use crate::camera::Camera;
 use crate::film::{Crop, Filter};
-use crate::geometry::{Accel, InstanceId, Shutter, SurfacePoint};
+use crate::geometry::contact::Region;
+use crate::geometry::{Accel, Contact, InstanceId, Shutter, SurfacePoint};
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightId};
 use crate::material::{Material, MaterialId};
@@ -31,12 +35,23 @@ use chains::Chains;
 use effects::{Effect, EffectKind};
 use std::sync::Arc;
 
-/// What a surface is, besides its geometry. Index = instance id.
+/// Effect of a face on a segment between two points in one medium that meets it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Passage {
+    /// In the way.
+    Blocked,
+    /// In the way if the medium changes there, which the solids around it decide.
+    Depends,
+    /// Not in the way.
+    Free,
+}
+
+/// Surface besides its geometry: material, media, emission. Index = instance id.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// Name for messages.
     pub name: String,
-    /// What it is made of.
+    /// Material of the surface.
     pub material: MaterialId,
     /// How it separates media.
     pub boundary: Boundary,
@@ -46,10 +61,16 @@ pub struct Object {
     pub sensor: Option<usize>,
     /// A sensor that lets light through.
     pub transparent_sensor: bool,
+    /// The material is an interface, which light crosses from one medium into another.
+    pub is_interface: bool,
     /// Clear interface: walks skip it where the medium does not change.
     pub clear: bool,
     /// Opacity varies: its material has a coverage map.
     pub has_alpha: bool,
+    /// Effect of the faces on a segment that meets one.
+    pub passage: Passage,
+    /// Where other surfaces may be in the same place.
+    pub contacts: Vec<Region>,
 }
 
 /// A sensor in the scene.
@@ -85,6 +106,8 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// Materials.
     pub materials: Vec<Material>,
+    /// Albedos of the rough lobes of the materials.
+    pub albedos: AlbedoTables,
     /// Media; \[0\] is the ambient one.
     pub media: Vec<Medium>,
     /// Lights.
@@ -107,12 +130,16 @@ pub struct Scene {
     pub motions: usize,
     /// Whether anything moves: only then do paths draw a time.
     pub is_moving: bool,
-    /// What the scene calls for.
+    /// Effects that the scene calls for.
     pub effects: Vec<Effect>,
     /// Chains of smooth surfaces that can be solved for.
     pub chains: Chains,
     /// Whether any object is there only in part.
     pub has_coverage: bool,
+    /// Surfaces that touch, or may touch.
+    pub contacts: Vec<Contact>,
+    /// Notes on what was put right when the scene was built.
+    pub notes: Vec<String>,
     /// Hash of the scene file and the files it refers to.
     pub hash: u64,
 }

@@ -1,4 +1,4 @@
-//! What moves while a shutter is open, and how far it moves in the picture.
+//! Motion blur of a scene: which things move while a shutter is open, and how far in the picture.
 
 use super::Scene;
 use crate::geometry::{Instance, Shape};
@@ -50,9 +50,10 @@ impl Scene {
         }
     }
 
-    /// Length of the longest screen-space track, in pixels, of a point of the thing in the picture of a camera while its
-    /// shutter is open; of a moving camera itself, of a corner of the scene. `None` where there is nothing to follow:
-    /// for detectors, for lights at infinity, for what is behind the camera.
+    /// Length of the longest screen-space track, in pixels, of a point of the thing in the picture
+    /// of a camera while its shutter is open; of a moving camera itself, of a corner of the scene.
+    /// `None` where there is nothing to follow: for detectors, for lights at infinity, for what is
+    /// behind the camera.
     #[must_use]
     pub fn motion_blur_px(&self, sensor: usize, moving: Moving) -> Option<f64> {
         let points: Vec<Box<dyn Fn(f64) -> DVec3 + '_>> = match moving {
@@ -112,7 +113,8 @@ fn corners(low: DVec3, high: DVec3) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// Points of an instance as functions of time: the corners of its box, or vertices of a mesh that changes its form.
+/// Points of an instance as functions of time: the corners of its box, or vertices of a mesh that
+/// changes its form.
 fn points_of(instance: &Instance) -> Vec<Box<dyn Fn(f64) -> DVec3 + '_>> {
     let to_world = |t: f64| instance.transform.at(t).to_world;
     if let Shape::Deforming(mesh) = &instance.shape {

@@ -1,12 +1,14 @@
 //! Which solids a point is inside of, found by counting the surfaces that rays to infinity cross.
 
 use super::Object;
+use super::crossing::faces_at;
 use crate::geometry::{AccelAt, InstanceId, Ray, SurfaceId};
 use crate::math::frame::Frame;
 use crate::medium::{Boundary, MediumId, MediumStack};
 use glam::DVec3;
 
-/// No scene has this many surfaces on one line; a ray that meets more is caught in a degenerate mesh.
+/// No scene has this many surfaces on one line; a ray that meets more is caught in a degenerate
+/// mesh.
 const MOST_CROSSINGS: usize = 100_000;
 
 /// Directions about +z, chosen away from the axes of modelled scenes.
@@ -16,8 +18,8 @@ const DIRECTIONS: [DVec3; 3] = [
     DVec3::new(0.214_83, -0.431_27, 0.876_28),
 ];
 
-/// The stack at `p`, on the side of `normal` where `p` lies on the surface `start`. `None` where three rays disagree: a
-/// solid is open there, or a surface cuts through.
+/// The stack at `p`, on the side of `normal` where `p` lies on the surface `start`. `None` where
+/// three rays disagree: a solid is open there, or a surface cuts through.
 #[must_use]
 pub fn stack_at(
     geometry: &AccelAt,
@@ -73,20 +75,33 @@ fn along(
             return Some(stack);
         };
         let point = geometry.surface(&ray, &hit);
-        let index = hit.id.instance.0 as usize;
-        let leaving = ray.d.dot(point.ng) > 0.0;
-        match objects[index].boundary {
-            Boundary::None => {}
-            Boundary::Solid { .. } => {
-                let change = if leaving { 1 } else { -1 };
-                match left.iter_mut().find(|entry| entry.0 == index) {
-                    Some(entry) => entry.1 += change,
-                    None => left.push((index, change)),
+        // media on this side and on the other of the interfaces in this place
+        let mut named: Vec<[MediumId; 2]> = Vec::new();
+        for face in faces_at(geometry, objects, &point) {
+            let index = face.point.id.instance.0 as usize;
+            let leaving = ray.d.dot(face.point.ng) > 0.0;
+            match objects[index].boundary {
+                Boundary::Solid { .. } if !face.folded => {
+                    let change = if leaving { 1 } else { -1 };
+                    match left.iter_mut().find(|entry| entry.0 == index) {
+                        Some(entry) => entry.1 += change,
+                        None => left.push((index, change)),
+                    }
                 }
+                Boundary::Interface { above, below } if !face.folded => {
+                    named.push(if leaving {
+                        [below, above]
+                    } else {
+                        [above, below]
+                    });
+                }
+                _ => {}
             }
-            Boundary::Interface { above, below } => {
-                outside.get_or_insert(if leaving { below } else { above });
-            }
+        }
+        // of several, the first on the way is behind none of the others
+        let is_first = |[near, _]: &&[MediumId; 2]| !named.iter().any(|other| other[1] == *near);
+        if let Some([near, _]) = named.iter().find(is_first).or(named.first()) {
+            outside.get_or_insert(*near);
         }
         ray = Ray::leaving(point.p, ray.d, Some(point.id));
     }

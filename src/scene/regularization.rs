@@ -26,15 +26,15 @@ pub struct Decision {
 pub enum Reason {
     /// The integrator makes no connections.
     NoConnections,
-    /// It was switched off.
+    /// Switched off.
     SwitchedOff,
     /// No surface is a mirror or smooth glass.
     NothingSpecular,
-    /// It was asked for, by [`Mode`].
+    /// Asked for, by [`Mode`].
     AskedFor,
     /// A detector is hit by every class of light paths.
     HittableDetector {
-        /// Its name.
+        /// Name.
         detector: String,
     },
     /// Photon merging makes the same paths.

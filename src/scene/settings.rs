@@ -12,11 +12,13 @@ named! {
         Light = "light": "Paths from the lights",
         /// Both, with every connection, weighted together.
         Bdpt = "bdpt": "Both, weighted together",
-        /// Both, with every connection and photon merging at every non-specular vertex (Georgiev et al. 2012).
+        /// Both, with every connection and photon merging at every non-specular vertex (Georgiev et
+        /// al. 2012).
         Vcm = "vcm": "Both, and photon merging, weighted together",
         /// Photon merging alone, at every non-specular vertex; paths without one as they are hit.
         Bpm = "bpm": "Photon merging at every vertex that scatters diffusely or glossily",
-        /// Photon merging at the first non-specular vertex from the camera (Hachisuka et al. 2008); paths without one as they are hit.
+        /// Photon merging at the first non-specular vertex from the camera (Hachisuka et al. 2008);
+        /// paths without one as they are hit.
         Ppm = "ppm": "Photon merging at the first such vertex from the camera",
     }
 }
@@ -42,13 +44,16 @@ impl IntegratorKind {
 }
 
 named! {
-    /// What the paths of a pass share where they are merged.
+    /// Wavelengths and time that the paths of a pass share where they are merged.
     pub enum Sharing {
-        /// One set of wavelengths and one time, drawn anew for each pass; one of the set is everybody's hero.
+        /// One set of wavelengths and one time, drawn anew for each pass; one of the set is
+        /// everybody's hero.
         Hero = "hero": "One wavelength set and time, one of the set as everybody's hero",
-        /// One set and one time, but its wavelengths take turns as heroes over the pixels. Only paths of one hero are merged.
+        /// One set and one time, but its wavelengths take turns as heroes over the pixels. Only
+        /// paths of one hero are merged.
         Set = "set": "One set and time; the set's wavelengths take turns as heroes over the pixels",
-        /// As [`Sharing::Hero`], but sets and times of successive passes keep apart (golden-ratio sequence).
+        /// As [`Sharing::Hero`], but sets and times of successive passes keep apart (golden-ratio
+        /// sequence).
         Stratified = "stratified": "As hero, with sets and times of successive passes kept apart",
     }
 }
@@ -72,7 +77,7 @@ pub struct Merging {
     pub radius: Option<f64>,
     /// α in (0, 1]: the radius of pass i = 1, 2, ... is that of the first times i^(−(1−α)/2).
     pub alpha: f64,
-    /// What the paths of a pass share.
+    /// Wavelengths and time that the paths of a pass share.
     pub sharing: Sharing,
 }
 
@@ -89,6 +94,10 @@ impl Default for Merging {
 named! {
     /// How strategies are weighted.
     pub enum Heuristic {
+        /// In proportion to densities times the quotient of second moment and variance, as found
+        /// before the first pass; as [`Heuristic::Balance`] where photons are merged and where
+        /// sub-paths of one kind are not traced.
+        VarianceAware = "variance-aware": "As balance, and strategies that scatter less than others count more",
         /// In proportion to their densities (Veach and Guibas 1995).
         Balance = "balance": "In proportion to the densities",
         /// In proportion to the squares.
@@ -97,11 +106,11 @@ named! {
 }
 
 impl Heuristic {
-    /// What a density counts for.
+    /// Power to which densities count in weights.
     #[must_use]
     pub fn power(self, density: f64) -> f64 {
         match self {
-            Self::Balance => density,
+            Self::VarianceAware | Self::Balance => density,
             Self::Power2 => density * density,
         }
     }
@@ -110,13 +119,13 @@ impl Heuristic {
 named! {
     /// Whether and how specular vertices are connectible.
     pub enum Regularize {
-        /// As [`Regularize::Mis`] for image cameras in scenes with specular surfaces, as [`Regularize::Off`] otherwise and where photons
-        /// are merged.
+        /// As [`Regularize::Mis`] for image cameras in scenes with specular surfaces, as
+        /// [`Regularize::Off`] otherwise and where photons are merged.
         Auto = "auto": "As mis for image cameras in scenes with mirrors or smooth glass, else off",
         /// Never: unbiased, and blind to paths that only connections at specular vertices make.
         Off = "off": "Never",
-        /// Only for paths that no unbiased strategy makes, by the one strategy that the rule chooses (after Kaplanyan and Dachsbacher
-        /// 2013).
+        /// Only for paths that no unbiased strategy makes, by the one strategy that the rule
+        /// chooses (after Kaplanyan and Dachsbacher 2013).
         Single = "single": "Only for paths that nothing else makes, by one strategy",
         /// By every strategy, weighted with all others (Bouchard et al. 2013).
         Mis = "mis": "By every strategy, weighted with all others",
@@ -124,8 +133,8 @@ named! {
 }
 
 named! {
-    /// Which of a path's regularized strategies makes it under [`Regularize::Single`]: among those with the fewest regularized vertices,
-    /// the one ...
+    /// Which of a path's regularized strategies makes it under [`Regularize::Single`]: among those
+    /// with the fewest regularized vertices, the one ...
     pub enum SingleRule {
         /// ... whose connecting edge is shortest: it blurs least.
         ShortestEdge = "shortest-edge": "The strategy whose connecting edge is shortest",
@@ -166,14 +175,16 @@ pub struct Regularization {
     pub mode: Regularize,
     /// The choice of single regularization.
     pub single_rule: SingleRule,
-    /// Half-aperture ε₁ of the first pass's cone in radians, in (0, π/2]; `None`: found from the scene.
+    /// Half-aperture ε₁ of the first pass's cone in radians, in (0, π/2]; `None`: found from the
+    /// scene.
     pub epsilon: Option<f64>,
     /// Lower bound of ε in radians.
     pub epsilon_min: f64,
-    /// Factor β in (0, 1] per regularized vertex on the weight of strategies, for paths that also have unbiased ones.
+    /// Factor β in (0, 1] per regularized vertex on the weight of strategies, for paths that also
+    /// have unbiased ones.
     pub bias_weight: f64,
-    /// Odd passes use ε/√2, so that the halves of the passes tell the bias; `None`: where the sensor is a detector, of which exact
-    /// numbers are expected.
+    /// Odd passes use ε/√2, so that the halves of the passes tell the bias; `None`: where the
+    /// sensor is a detector, of which exact numbers are expected.
     pub bias_estimate: Option<bool>,
 }
 
@@ -213,8 +224,8 @@ pub struct Settings {
     pub aim: Aiming,
     /// Photon merging, where the algorithm does it.
     pub merging: Merging,
-    /// Also shows paths from a light without extent to a pinhole over specular vertices alone: points of finite flux, which become
-    /// discs of radius ε.
+    /// Also shows paths from a light without extent to a pinhole over specular vertices alone:
+    /// points of finite flux, which become discs of radius ε.
     pub show_point_lights: bool,
     /// Strategies (s, t) never executed: for tests and studies.
     pub disabled: BTreeSet<(u32, u32)>,
@@ -228,7 +239,7 @@ impl Default for Settings {
             seed: 0,
             lanes: 4,
             max_depth: None,
-            heuristic: Heuristic::Balance,
+            heuristic: Heuristic::VarianceAware,
             pair_probability: 0.25,
             regularization: Regularization::default(),
             aim: Aiming::Off,

@@ -1,7 +1,7 @@
 //! The CIE 1931 2 degree standard observer, from its 1 nm table.
 //!
-//! Linear between the entries and 0 outside 360..830 nm: everything that measures color in this program uses
-//! this one function, so that an estimator and a reference sum agree.
+//! Linear between the entries and 0 outside 360..830 nm: everything that measures color in this
+//! program uses this one function, so that an estimator and a reference sum agree.
 
 use std::sync::LazyLock;
 
@@ -11,7 +11,8 @@ use super::embedded;
 pub const FIRST_NM: f64 = 360.0;
 /// Last wavelength of the observer in nanometers.
 pub const LAST_NM: f64 = 830.0;
-/// The 1 nm sum of the y color-matching function: a constant spectrum of 1 has Y = 1 after division by it.
+/// The 1 nm sum of the y color-matching function: a constant spectrum of 1 has Y = 1 after division
+/// by it.
 pub const N_Y: f64 = 106.856_917_101_172_03;
 
 static CMF: LazyLock<Vec<[f64; 3]>> = LazyLock::new(|| {

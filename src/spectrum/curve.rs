@@ -1,14 +1,16 @@
 //! Continuous spectra: a number for every wavelength.
 //!
-//! Tables interpolate linearly between their knots and hold their end values, so every curve is defined
-//! at every wavelength. Planck's law uses the exact SI constants of 2019; the sigmoid is the reflectance
-//! model of Jakob and Hanika, "A Low-Dimensional Function Space for Efficient Spectral Upsampling" (2019).
+//! Tables interpolate linearly between their knots and hold their end values, so every curve is
+//! defined at every wavelength. Planck's law uses the exact SI constants of 2019; the sigmoid is
+//! the reflectance model of Jakob and Hanika, "A Low-Dimensional Function Space for Efficient
+//! Spectral Upsampling" (2019).
 
 use std::sync::Arc;
 
 use super::{SampledSpectrum, SampledWavelengths};
 
-/// A smooth or tabulated function of the wavelength in nanometers. Cheap to clone: tables are shared.
+/// A smooth or tabulated function of the wavelength in nanometers. Cheap to clone: tables are
+/// shared.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Curve {
     /// The same value everywhere.
@@ -36,7 +38,8 @@ pub enum Curve {
         /// Factor on the radiance.
         scale: f64,
     },
-    /// `s(c0 t^2 + c1 t + c2)` with `s(x) = 1/2 + x / (2 sqrt(1 + x^2))` and `t = (lambda - 360) / 470`: in (0, 1).
+    /// `s(c0 t^2 + c1 t + c2)` with `s(x) = 1/2 + x / (2 sqrt(1 + x^2))` and `t = (lambda - 360) /
+    /// 470`: in (0, 1).
     Sigmoid {
         /// The polynomial, highest power first.
         c: [f64; 3],
@@ -164,6 +167,34 @@ impl Curve {
                 b.append_knots_nm(out);
             }
             Self::Constant(_) | Self::Blackbody { .. } | Self::Sigmoid { .. } => {}
+        }
+    }
+
+    /// The wavelengths where a table bends, in no order.
+    #[must_use]
+    pub fn knots_nm(&self) -> Vec<f64> {
+        let mut out = Vec::new();
+        self.append_knots_nm(&mut out);
+        out
+    }
+
+    /// Ends of the table in nanometers, of the inner ones of a product; `None` where there is no
+    /// table.
+    #[must_use]
+    pub fn table_range_nm(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::Regular {
+                first_nm,
+                step_nm,
+                values,
+            } => Some([*first_nm, first_nm + step_nm * (values.len() - 1) as f64]),
+            Self::Table { nm, .. } => Some([nm[0], nm[nm.len() - 1]]),
+            Self::Scaled { curve, .. } => curve.table_range_nm(),
+            Self::Product(a, b) => match (a.table_range_nm(), b.table_range_nm()) {
+                (Some(a), Some(b)) => Some([a[0].max(b[0]), a[1].min(b[1])]),
+                (one, other) => one.or(other),
+            },
+            Self::Constant(_) | Self::Blackbody { .. } | Self::Sigmoid { .. } => None,
         }
     }
 

@@ -1,9 +1,13 @@
 //! Emission spectra: a continuous part per nanometer and exact lines.
 //!
-//! Lines are atoms of the wavelength measure, never narrow boxes. Invariant: the lines are sorted by wavelength
-//! without repetition, so that a bitwise lookup finds the one line at a wavelength.
+//! Lines are atoms of the wavelength measure, never narrow boxes. Invariant: the lines are sorted
+//! by wavelength without repetition, so that a bitwise lookup finds the one line at a wavelength.
 
-use super::{Curve, SampledSpectrum, SampledWavelengths, cie, illuminant, upsample};
+use super::{Curve, SampledSpectrum, SampledWavelengths, cie, illuminant, integrate, upsample};
+
+/// A fifth of the mean of x + y + z over 360..830 nm: how much a wavelength matters that the
+/// observer does not see.
+const UNSEEN_RESPONSE: f64 = 0.2 * 3.0 * cie::N_Y / (cie::LAST_NM - cie::FIRST_NM);
 
 /// One emission line: all its power at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,10 +18,10 @@ pub struct Line {
     pub value: f64,
 }
 
-/// What a light emits: the sum of a continuous part and of lines, times `scale`.
+/// Emission of a light: the sum of a continuous part and of lines, times `scale`.
 ///
-/// The two parts live on different parts of the wavelength measure (Lebesgue + one atom per line): at an
-/// atom only lines emit, elsewhere only the continuous part does. They are never added.
+/// The two parts live on different parts of the wavelength measure (Lebesgue + one atom per line):
+/// at an atom only lines emit, elsewhere only the continuous part does. They are never added.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Emission {
     /// Per nanometer.
@@ -57,8 +61,8 @@ impl Emission {
         }
     }
 
-    /// Linear sRGB as emission: a smooth spectrum times D65. `[1, 1, 1]` has Y = 1 and the XYZ of sRGB white;
-    /// components are >= 0 and may exceed 1.
+    /// Linear sRGB as emission: a smooth spectrum times D65. `[1, 1, 1]` has Y = 1 and the XYZ of
+    /// sRGB white; components are >= 0 and may exceed 1.
     #[must_use]
     pub fn from_rgb(rgb: [f64; 3]) -> Self {
         let max = rgb.iter().copied().fold(0.0, f64::max);
@@ -80,7 +84,8 @@ impl Emission {
         self
     }
 
-    /// The same light scaled to luminance `y` (Y of [`super::xyz::emission_to_xyz`]); unchanged if it has none.
+    /// The same light scaled to luminance `y` (Y of [`super::xyz::emission_to_xyz`]); unchanged if
+    /// it has none.
     #[must_use]
     pub fn with_luminance(self, y: f64) -> Self {
         let own = super::xyz::emission_to_xyz(&self)[1];
@@ -91,8 +96,8 @@ impl Emission {
         }
     }
 
-    /// What is left of this light when only the wavelengths `lines_nm` exist: its own lines among them, and
-    /// elsewhere its continuous part as the power of a 1 nm wide band.
+    /// Remainder of this light when only the wavelengths `lines_nm` exist: its own lines among
+    /// them, and elsewhere its continuous part as the power of a 1 nm wide band.
     #[must_use]
     pub fn restricted_to_lines(&self, lines_nm: &[f64]) -> Self {
         let line = |&lambda_nm: &f64| {
@@ -109,6 +114,14 @@ impl Emission {
             scale: self.scale,
             ..Self::from_lines(lines)
         }
+    }
+
+    /// Largest value of both parts over 360..830 nm and the points of tables, with the scale.
+    #[must_use]
+    pub fn largest(&self) -> f64 {
+        let smooth = self.continuous.as_ref().map_or(0.0, |c| c.bounds().1);
+        let lines = self.lines.iter().map(|l| l.value);
+        self.scale * lines.fold(smooth, f64::max)
     }
 
     /// Density per nanometer of the continuous part at `lambda_nm`, with the scale.
@@ -143,23 +156,27 @@ impl Emission {
         out
     }
 
-    /// Luminance-like power: integral over 360..830 nm against x + y + z (both parts), in the unit of the
-    /// values times nm. Used for choosing lights, never for a result.
+    /// Power over `range_nm` by which lights and wavelengths are chosen, never a result: the
+    /// integral against x + y + z, and of the plain spectrum with a fifth of the observer's mean,
+    /// so that light which only detectors see is chosen too. In the unit of the values times
+    /// nanometers.
     #[must_use]
-    pub fn visible_power(&self) -> f64 {
-        let continuous: f64 = match &self.continuous {
-            Some(c) => (360..=830)
-                .map(f64::from)
-                .map(|l| c.eval(l) * cie::cmf_sum(l))
-                .sum(),
-            None => 0.0,
-        };
+    pub fn sampling_power(&self, range_nm: [f64; 2]) -> f64 {
+        let response = |l: f64| cie::cmf_sum(l) + UNSEEN_RESPONSE;
+        let smooth = self.continuous.as_ref().map_or(0.0, |curve| {
+            let mut knots = curve.knots_nm();
+            knots.extend([cie::FIRST_NM, cie::LAST_NM]);
+            let [power] = integrate(range_nm, &knots, |l| [curve.eval(l).max(0.0) * response(l)]);
+            power
+        });
+        let inside = |line: &&Line| (range_nm[0]..=range_nm[1]).contains(&line.lambda_nm);
         let lines: f64 = self
             .lines
             .iter()
-            .map(|l| l.value * cie::cmf_sum(l.lambda_nm))
+            .filter(inside)
+            .map(|l| l.value * response(l.lambda_nm))
             .sum();
-        self.scale * (continuous + lines)
+        self.scale * (smooth + lines)
     }
 }
 
@@ -167,6 +184,44 @@ impl Emission {
 mod tests {
     use super::super::{WavelengthDistribution, xyz};
     use super::*;
+
+    const VISIBLE: [f64; 2] = [360.0, 830.0];
+
+    #[test]
+    fn a_peak_narrower_than_a_nanometer_has_its_energy() {
+        for (nm, width) in [(532.0, 0.1), (532.5, 0.4), (550.013, 1e-3)] {
+            for floor in [0.0, 0.01] {
+                let curve = Curve::table(
+                    &[360.0, nm - width, nm, nm + width, 830.0],
+                    &[floor, floor, floor + 1.0 / width, floor, floor],
+                );
+                let emission = Emission::from_curve(curve);
+                let around = |f: fn(f64) -> f64| {
+                    // the observer is linear on both sides of the peak, or bends at it
+                    let mean = |a: f64, b: f64| 0.5 * (f(a) + f(b));
+                    0.5 * (mean(nm, nm - 2.0 / 3.0 * width) + mean(nm, nm + 2.0 / 3.0 * width))
+                };
+                let want = around(|l| cie::cmf(l)[1]) / cie::N_Y + floor;
+                let y = xyz::emission_to_xyz(&emission)[1];
+                assert!(
+                    (y / want - 1.0).abs() < 1e-6,
+                    "{nm} {width} {floor}: {y} {want}"
+                );
+                let bright = emission.clone().with_luminance(1.0);
+                assert!((xyz::emission_to_xyz(&bright)[1] - 1.0).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn light_that_nobody_sees_has_power() {
+        let infrared = Emission::from_lines(vec![Line {
+            lambda_nm: 1064.0,
+            value: 1.0,
+        }]);
+        assert_eq!(infrared.sampling_power(VISIBLE), 0.0);
+        assert!(infrared.sampling_power([360.0, 1100.0]) > 0.0);
+    }
 
     #[test]
     fn white_rgb_is_srgb_white_with_unit_luminance() {
@@ -178,7 +233,7 @@ mod tests {
             }
             assert!((got[1] - factor).abs() < 1e-9);
         }
-        assert_eq!(Emission::from_rgb([0.0; 3]).visible_power(), 0.0);
+        assert_eq!(Emission::from_rgb([0.0; 3]).sampling_power(VISIBLE), 0.0);
     }
 
     #[test]
@@ -219,9 +274,12 @@ mod tests {
             }
         }
         assert!(at_lines > 0 && elsewhere > 0);
-        let want = 2.0 * (2.0 * cie::cmf_sum(500.0) + 4.0 * cie::cmf_sum(600.0))
-            + 0.5 * (360..=830).map(|l| cie::cmf_sum(f64::from(l))).sum::<f64>();
-        assert!((both.visible_power() / want - 1.0).abs() < 1e-12);
+        let at = |nm| cie::cmf_sum(nm) + UNSEEN_RESPONSE;
+        let seen: f64 = (360..830).map(|l| cie::cmf_sum(f64::from(l) + 0.5)).sum();
+        let want =
+            2.0 * (2.0 * at(500.0) + 4.0 * at(600.0)) + 0.5 * (seen + 470.0 * UNSEEN_RESPONSE);
+        let power = both.sampling_power(VISIBLE);
+        assert!((power / want - 1.0).abs() < 1e-12, "{power} {want}");
         let only = both.restricted_to_lines(&[500.0, 550.0]);
         assert_eq!((only.line_power(500.0), only.line_power(550.0)), (4.0, 0.5));
         assert_eq!(only.line_power(600.0), 0.0);

@@ -1,7 +1,8 @@
 //! Refractive index and extinction of a material as functions of wavelength.
 //!
-//! Formulas 1 to 9 are those of the refractiveindex.info database, wavelength in micrometers. A formula may be
-//! evaluated beyond its fitted range inside 360..830 nm; a table only on request; nothing reaches further.
+//! Formulas 1 to 9 are those of the refractiveindex.info database, wavelength in micrometers. A
+//! formula may be evaluated beyond its fitted range inside 360..830 nm; a table only on request;
+//! nothing reaches further.
 
 use thiserror::Error;
 
@@ -13,6 +14,9 @@ pub const LINE_D_NM: f64 = 587.5618;
 pub const LINE_F_NM: f64 = 486.1327;
 /// Fraunhofer C line (H), nanometers.
 pub const LINE_C_NM: f64 = 656.2725;
+
+/// The largest refractive index that is taken for one.
+pub const MOST_INDEX: f64 = 10.0;
 
 /// Why a refractive index cannot be used.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -30,11 +34,11 @@ pub enum IorError {
         high_nm: f64,
         /// A wavelength outside.
         lambda_nm: f64,
-        /// What may be done about it.
+        /// Remedy, in words.
         hint: &'static str,
     },
-    /// The index is not finite or too small.
-    #[error("{name} has the refractive index {n} at {lambda_nm} nm (at least {least} is needed)")]
+    /// The index is not finite, too small or too large.
+    #[error("{name} has the refractive index {n} at {lambda_nm} nm (allowed: {allowed})")]
     NotPhysical {
         /// The material.
         name: String,
@@ -42,8 +46,8 @@ pub enum IorError {
         lambda_nm: f64,
         /// The index there.
         n: f64,
-        /// The smallest allowed.
-        least: f64,
+        /// The indices allowed.
+        allowed: &'static str,
     },
     /// A formula that does not exist or has the wrong number of coefficients.
     #[error("{0}")]
@@ -91,7 +95,8 @@ impl Ior {
         Self::new(Dispersion::Constant(n), None).named(format!("n = {n}"), "")
     }
 
-    /// The same material without dispersion: everywhere the index it has at `lambda_nm`; k stays what it is.
+    /// The same material without dispersion: everywhere the index it has at `lambda_nm`; k stays
+    /// what it is.
     #[must_use]
     pub fn constant_as_at(&self, lambda_nm: f64) -> Self {
         Self {
@@ -100,7 +105,8 @@ impl Ior {
         }
     }
 
-    /// A refractiveindex.info formula (1 to 9, wavelengths in micrometers), fitted over `range_nm` (nanometers).
+    /// A refractiveindex.info formula (1 to 9, wavelengths in micrometers), fitted over `range_nm`
+    /// (nanometers).
     ///
     /// # Errors
     /// If there is no such formula or it does not take that many coefficients.
@@ -200,7 +206,8 @@ impl Ior {
         self.range_nm
     }
 
-    /// The index n at `lambda_nm`. Finite and >= 1 over the working range (checked when the scene is built).
+    /// The index n at `lambda_nm`. Finite and >= 1 over the working range (checked when the scene
+    /// is built).
     #[must_use]
     pub fn n(&self, lambda_nm: f64) -> f64 {
         match &self.dispersion {
@@ -210,7 +217,8 @@ impl Ior {
         }
     }
 
-    /// The extinction coefficient k at `lambda_nm` (0 where the material has no k table; end values held).
+    /// The extinction coefficient k at `lambda_nm` (0 where the material has no k table; end values
+    /// held).
     #[must_use]
     pub fn k(&self, lambda_nm: f64) -> f64 {
         self.k.as_ref().map_or(0.0, |k| k.eval(lambda_nm))
@@ -258,31 +266,46 @@ impl Ior {
         (self.n(LINE_D_NM) - 1.0) / (self.n(LINE_F_NM) - self.n(LINE_C_NM))
     }
 
-    /// Checks a material that light is refracted into: n finite and >= 1 over `range_nm` (nanometers).
+    /// Checks a material that light is refracted into: n in 1..=10 over `range_nm` (nanometers).
     ///
     /// Returns the stretches of the range (none, one or two) that lie beyond the fitted range.
     ///
     /// # Errors
-    /// Where there is neither data nor an allowed extrapolation, or n is not finite or below 1.
+    /// Where there is neither data nor an allowed extrapolation, or n is not in 1..=10.
     pub fn validate(&self, range_nm: [f64; 2]) -> Result<Vec<[f64; 2]>, IorError> {
-        self.check(range_nm, 1.0)
+        self.check(range_nm, |n| (1.0..=MOST_INDEX).contains(&n), "1 to 10")
     }
 
-    /// Checks a material that only reflects: as [`Self::validate`], with any n > 0 (metals have n < 1).
+    /// Checks a material that only reflects: as [`Self::validate`], with any n in (0, 10] (metals
+    /// have n < 1).
     ///
     /// # Errors
-    /// Where there is neither data nor an allowed extrapolation, or n is not finite or not positive.
+    /// Where there is neither data nor an allowed extrapolation, or n is not in (0, 10].
     pub fn validate_conductor(&self, range_nm: [f64; 2]) -> Result<Vec<[f64; 2]>, IorError> {
-        self.check(range_nm, f64::MIN_POSITIVE)
+        self.check(
+            range_nm,
+            |n| n > 0.0 && n <= MOST_INDEX,
+            "above 0, up to 10",
+        )
     }
 
-    fn check(&self, range_nm: [f64; 2], least: f64) -> Result<Vec<[f64; 2]>, IorError> {
+    fn check(
+        &self,
+        range_nm: [f64; 2],
+        physical: impl Fn(f64) -> bool,
+        allowed: &'static str,
+    ) -> Result<Vec<[f64; 2]>, IorError> {
         let [low, high] = range_nm;
         let [first, last] = self.range_nm.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
         let is_table = matches!(self.dispersion, Dispersion::Table(_));
         let steps = (high - low).ceil().max(1.0);
-        for i in 0..=steps as usize {
-            let lambda_nm = low + (high - low) * (i as f64 / steps);
+        let even = (0..=steps as usize).map(|i| low + (high - low) * (i as f64 / steps));
+        let knots = match &self.dispersion {
+            Dispersion::Table(curve) => curve.knots_nm(),
+            _ => Vec::new(),
+        };
+        let inside = |l: &f64| (low..=high).contains(l);
+        for lambda_nm in even.chain(knots.into_iter().filter(inside)) {
             let fitted = (first..=last).contains(&lambda_nm);
             let may_extrapolate =
                 (360.0..=830.0).contains(&lambda_nm) && (!is_table || self.extrapolate);
@@ -303,13 +326,13 @@ impl Ior {
                 });
             }
             let n = self.n(lambda_nm);
-            if !(n.is_finite() && n >= least) {
+            if !physical(n) {
                 let name = self.name.clone();
                 return Err(IorError::NotPhysical {
                     name,
                     lambda_nm,
                     n,
-                    least,
+                    allowed,
                 });
             }
         }
@@ -366,7 +389,8 @@ mod tests {
 
     #[test]
     fn indices_match_the_catalogs() {
-        // n_d and V_d as printed in the Schott, Ohara and Hikari catalogs and the papers behind the others.
+        // n_d and V_d as printed in the Schott, Ohara and Hikari catalogs and the papers behind the
+        // others.
         for (name, n_d, v_d) in [
             ("N-BK7", 1.516_800, 64.17),
             ("SF10", 1.728_25, 28.41),
@@ -416,7 +440,8 @@ mod tests {
     #[test]
     fn formulas_agree_with_each_other() {
         let range = [300.0, 2000.0];
-        // Formula 1 with l = 0.1 is formula 2 with l^2 = 0.01; formula 4 holds the same term plus powers.
+        // Formula 1 with l = 0.1 is formula 2 with l^2 = 0.01; formula 4 holds the same term plus
+        // powers.
         let one = Ior::formula(1, vec![0.0, 1.2, 0.1], range).unwrap();
         let two = Ior::formula(2, vec![0.0, 1.2, 0.01], range).unwrap();
         let four = vec![1.0, 1.2, 2.0, 0.1, 2.0, 0.0, 0.0, 0.0, 0.0];

@@ -1,7 +1,8 @@
 //! Spectra and refractive indices by name.
 //!
-//! The files of `spectra/` are built into the program; a folder with the same layout overrides and adds. Names are
-//! the same in upper and lower case. Sources and licenses are at the top of each file.
+//! The files of `spectra/` are built into the program; a folder with the same layout overrides and
+//! adds. Names are the same in upper and lower case. Sources and licenses are at the top of each
+//! file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -43,7 +44,7 @@ pub enum LibraryError {
     /// No such name.
     #[error("unknown {kind} `{name}`{}", did_you_mean(suggestions))]
     Unknown {
-        /// What was looked for.
+        /// Kind of the entry that was looked for.
         kind: &'static str,
         /// The name as given.
         name: String,
@@ -66,7 +67,7 @@ pub enum LibraryError {
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong and where.
+        /// Fault and its place.
         error: SpectrumFileError,
     },
     /// A file or folder that cannot be read.
@@ -104,13 +105,14 @@ pub struct Library {
 }
 
 impl Library {
-    /// What is built in.
+    /// Library that is built in.
     #[must_use]
     pub fn embedded() -> &'static Self {
         &EMBEDDED
     }
 
-    /// What is built in, overridden and extended by the files of `folder` (layout as `spectra/`), if any.
+    /// Library that is built in, overridden and extended by the files of `folder` (layout as
+    /// `spectra/`), if any.
     ///
     /// # Errors
     /// If the folder or a file in it cannot be read or is not well formed.
@@ -227,8 +229,8 @@ impl Library {
         }
     }
 
-    /// A spectrum as emission, continuous or of lines, in the unit of its file (illuminants: 100 at 560 nm;
-    /// [`Emission::with_luminance`] makes it absolute).
+    /// A spectrum as emission, continuous or of lines, in the unit of its file (illuminants: 100 at
+    /// 560 nm; [`Emission::with_luminance`] makes it absolute).
     ///
     /// # Errors
     /// If there is none of this name.
@@ -239,7 +241,8 @@ impl Library {
         })
     }
 
-    /// A refractive index: `schott:N-SF11`, or `N-SF11` where only one catalog has it; metals by symbol, `Au`.
+    /// A refractive index: `schott:N-SF11`, or `N-SF11` where only one catalog has it; metals by
+    /// symbol, `Au`.
     ///
     /// A bare name never means a glass of `glass/vendors.txt` if another file has one of that name.
     ///
@@ -283,8 +286,9 @@ impl Library {
         }
     }
 
-    /// A glass of a lens file: `name` in the first of `catalogs` that has it, else in the only catalog that does.
-    /// Qualified names are taken as they are. Metals and other materials are no glasses of a bare name.
+    /// A glass of a lens file: `name` in the first of `catalogs` that has it, else in the only
+    /// catalog that does. Qualified names are taken as they are. Metals and other materials are no
+    /// glasses of a bare name.
     ///
     /// # Errors
     /// If there is none of this name, or several.
@@ -340,7 +344,8 @@ impl Library {
     }
 }
 
-/// Up to three of `candidates` that differ from `name` by few edits (a third of its length, at least 2).
+/// Up to three of `candidates` that differ from `name` by few edits (a third of its length, at
+/// least 2).
 #[must_use]
 pub fn suggestions<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Vec<String> {
     let limit = (name.chars().count() / 3).max(2);

@@ -1,10 +1,12 @@
 //! Wavelengths, spectra, refractive indices and colour.
 
 pub mod cie;
+pub mod coverage;
 pub mod curve;
 mod embedded;
 pub mod emission;
 mod illuminant;
+mod integral;
 pub mod ior;
 pub mod library;
 mod read;
@@ -17,6 +19,7 @@ pub mod xyz;
 
 pub use curve::Curve;
 pub use emission::{Emission, Line};
+pub use integral::integrate;
 pub use ior::{Ior, IorError};
 pub use library::{Library, LibraryError, SpectrumFileError};
 pub use sampled::{MAX_LANES, SampledSpectrum};

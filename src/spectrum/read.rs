@@ -1,4 +1,5 @@
-//! Readers of spectrum files: CSV tables and TOML catalogs of refractive indices (formats: `spectra/README.md`).
+//! Readers of spectrum files: CSV tables and TOML catalogs of refractive indices (formats:
+//! `spectra/README.md`).
 //!
 //! Files come from outside: every number is checked, sizes are capped, and errors say where.
 
@@ -14,7 +15,7 @@ pub const MAX_ROWS: usize = 100_000;
 /// Most columns of a table.
 const MAX_COLUMNS: usize = 256;
 
-/// What is wrong with a spectrum file, and where (both counted from 1).
+/// Fault of a spectrum file, and its place (both counted from 1).
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{line}:{column}: {message}")]
 pub struct SpectrumFileError {
@@ -22,7 +23,7 @@ pub struct SpectrumFileError {
     pub line: usize,
     /// Column of the line, in characters.
     pub column: usize,
-    /// What is wrong and what is allowed.
+    /// Fault, and what is allowed.
     pub message: String,
 }
 
@@ -41,8 +42,8 @@ pub(super) fn error<T>(
 /// Reads a CSV file with one value column: `nm,value`.
 ///
 /// # Errors
-/// If the file is too large, has no rows, more than one value column, a field that is not a finite number, or
-/// wavelengths that are not positive and strictly increasing.
+/// If the file is too large, has no rows, more than one value column, a field that is not a finite
+/// number, or wavelengths that are not positive and strictly increasing.
 pub fn parse_curve_csv(text: &str) -> Result<Curve, SpectrumFileError> {
     let table = parse_table(text)?;
     match table.columns.as_slice() {
@@ -185,7 +186,8 @@ struct Glass {
 /// Reads a TOML catalog of refractive indices; each is named `catalog:name`.
 ///
 /// # Errors
-/// If the file is too large or not of the documented form, or a table or formula in it is not usable.
+/// If the file is too large or not of the documented form, or a table or formula in it is not
+/// usable.
 pub fn parse_glass_toml(text: &str) -> Result<Vec<Ior>, SpectrumFileError> {
     if text.len() > MAX_FILE_BYTES {
         return error(

@@ -1,8 +1,8 @@
 //! From the lanes of a path to the channels of an image.
 //!
-//! A lane's contribution already holds the average over lanes (its weights count the lanes that reach it), so channels
-//! sum over lanes with no further factor but the density of the wavelength: a probability at an emission line, per
-//! nanometre elsewhere.
+//! A lane's contribution already holds the average over lanes (its weights count the lanes that
+//! reach it), so channels sum over lanes with no further factor but the density of the wavelength:
+//! a probability at an emission line, per nanometre elsewhere.
 
 use super::cie::{self, N_Y};
 use super::{MAX_LANES, SampledWavelengths};
@@ -10,12 +10,13 @@ use super::{MAX_LANES, SampledWavelengths};
 /// Luminous efficacy of 540 THz, lm/W (SI definition of the candela).
 pub const MAX_EFFICACY_LM_PER_W: f64 = 683.0;
 
-/// What the three channels of an image measure.
+/// Quantity that the three channels of an image measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorResponse {
     /// CIE XYZ, scaled so that a constant unit spectrum has Y = 1.
     Xyz,
-    /// CIE XYZ in photometric units: Y in lm per unit of power (cd/m² from radiance, lx from irradiance).
+    /// CIE XYZ in photometric units: Y in lm per unit of power (cd/m² from radiance, lx from
+    /// irradiance).
     Photometric,
 }
 
@@ -46,7 +47,8 @@ impl SensorResponse {
     }
 }
 
-/// The wavelengths of one path, and what a unit contribution in each of its lanes adds to X, Y and Z.
+/// The wavelengths of one path, and what a unit contribution in each of its lanes adds to X, Y and
+/// Z.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneResponse {
     /// The wavelengths.
@@ -77,7 +79,8 @@ impl LaneResponse {
     }
 }
 
-/// Power by wavelength: equal bins for the continuous part of spectra, then one channel for each emission line.
+/// Power by wavelength: equal bins for the continuous part of spectra, then one channel for each
+/// emission line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectralChannels {
     range_nm: [f64; 2],
@@ -86,14 +89,15 @@ pub struct SpectralChannels {
 }
 
 impl SpectralChannels {
-    /// `bins` equal bins over `range_nm` (mean per nanometre in each) and a channel (power) for each of `lines_nm`.
+    /// `bins` equal bins over `range_nm` (mean per nanometre in each; none where the range is a
+    /// single wavelength) and a channel (power) for each of `lines_nm`.
     #[must_use]
     pub fn new(range_nm: [f64; 2], bins: usize, mut lines_nm: Vec<f64>) -> Self {
         lines_nm.sort_by(f64::total_cmp);
         lines_nm.dedup();
         Self {
             range_nm,
-            bins,
+            bins: if range_nm[0] < range_nm[1] { bins } else { 0 },
             lines_nm,
         }
     }
@@ -116,7 +120,8 @@ impl SpectralChannels {
         (self.range_nm[1] - self.range_nm[0]) / self.bins as f64
     }
 
-    /// The channel of a wavelength and its width (1 for a line). `None` outside the range or for an unknown line.
+    /// The channel of a wavelength and its width (1 for a line). `None` outside the range or for an
+    /// unknown line.
     fn channel(&self, lambda_nm: f64, is_line: bool) -> Option<(usize, f64)> {
         if is_line {
             let line = self
@@ -174,7 +179,8 @@ mod tests {
 
     #[test]
     fn lanes_sum_to_the_integral() {
-        // each of 4 lanes holds a quarter of a unit spectrum, whatever the wavelengths are drawn from
+        // each of 4 lanes holds a quarter of a unit spectrum, whatever the wavelengths are drawn
+        // from
         for distribution in [
             WavelengthDistribution::uniform([360.0, 830.0]),
             WavelengthDistribution::visible([360.0, 830.0]),

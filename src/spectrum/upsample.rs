@@ -1,8 +1,9 @@
 //! RGB to smooth, bounded reflectance spectra.
 //!
-//! The sigmoid of a quadratic of Jakob and Hanika, "A Low-Dimensional Function Space for Efficient Spectral
-//! Upsampling" (2019). Instead of a precomputed table, the three coefficients are solved for each color, by Newton
-//! steps along the straight line from medium gray (coefficients 0) to the color. Deterministic.
+//! The sigmoid of a quadratic of Jakob and Hanika, "A Low-Dimensional Function Space for Efficient
+//! Spectral Upsampling" (2019). Instead of a precomputed table, the three coefficients are solved
+//! for each color, by Newton steps along the straight line from medium gray (coefficients 0) to the
+//! color. Deterministic.
 
 use std::sync::LazyLock;
 
@@ -23,16 +24,17 @@ static WEIGHTS: LazyLock<Vec<DVec3>> = LazyLock::new(|| {
     weights.into_iter().map(|w| w / sum).collect()
 });
 
-/// Smooth reflectances with the linear sRGB `[1, 0, 0]`, `[0, 1, 0]`, `[0, 0, 1]` under D65, which add up to 1
-/// (after Mallett and Yuksel, EGSR 2019).
+/// Smooth reflectances with the linear sRGB `[1, 0, 0]`, `[0, 1, 0]`, `[0, 0, 1]` under D65, which
+/// add up to 1 (after Mallett and Yuksel, EGSR 2019).
 static PRIMARIES: LazyLock<[Curve; 3]> = LazyLock::new(|| {
     let mut columns = embedded::embedded_columns("reflectance/srgb.csv").into_iter();
     std::array::from_fn(|_| columns.next().map_or(Curve::Constant(0.0), |c| c.1))
 });
 
-/// A smooth spectrum of linear sRGB `rgb` (under D65, white at `[1, 1, 1]`) at the wavelengths of a path: within
-/// 0..1 for `rgb` within 0..1, and linear in `rgb`, so that filtering an image filters its spectra. Cheap enough for
-/// every texel looked up; [`reflectance`] is the smoother choice for a single color.
+/// A smooth spectrum of linear sRGB `rgb` (under D65, white at `[1, 1, 1]`) at the wavelengths of a
+/// path: within 0..1 for `rgb` within 0..1, and linear in `rgb`, so that filtering an image filters
+/// its spectra. Cheap enough for every texel looked up; [`reflectance`] is the smoother choice for
+/// a single color.
 #[must_use]
 pub fn rgb_lanes(rgb: [f32; 3], wavelengths: &SampledWavelengths) -> SampledSpectrum {
     if rgb[0] == rgb[1] && rgb[1] == rgb[2] {
@@ -55,8 +57,8 @@ const CLOSE: f64 = 1e-9;
 /// Kept from the walls 0 and 1, which a sigmoid reaches only at infinity.
 const MARGIN: f64 = 2e-5;
 
-/// A smooth spectrum within [0, 1] whose linear sRGB under D65, with white at `[1, 1, 1]`, is `rgb` (clamped to
-/// [0, 1]) to better than 1e-3. Grays are constant.
+/// A smooth spectrum within [0, 1] whose linear sRGB under D65, with white at `[1, 1, 1]`, is `rgb`
+/// (clamped to [0, 1]) to better than 1e-3. Grays are constant.
 #[must_use]
 pub fn reflectance(rgb: [f64; 3]) -> Curve {
     let rgb = rgb.map(|v| v.clamp(0.0, 1.0));

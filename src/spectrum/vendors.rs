@@ -1,4 +1,5 @@
-//! Reader of `glass/vendors.txt`: many glasses in little space, one a line (format: `spectra/README.md`).
+//! Reader of `glass/vendors.txt`: many glasses in little space, one a line (format:
+//! `spectra/README.md`).
 
 use super::read::{MAX_FILE_BYTES, SpectrumFileError, error};
 use super::{Curve, Ior};

@@ -1,11 +1,13 @@
 //! The wavelengths of one path, and the distribution they are drawn from.
 //!
-//! Wavelengths live on the measure "Lebesgue + one unit atom per emission line". The cumulative distribution is
-//! piecewise linear over cells of at most 1 nm, with a jump at every atom; it is inverted exactly. Lanes are rotated
-//! in primary space (u), as hero wavelength sampling (Wilkie et al. 2014) over a warped wavelength axis, so each lane
-//! alone follows the distribution. Invariant: a continuous sample never has bitwise the wavelength of an atom.
+//! Wavelengths live on the measure "Lebesgue + one unit atom per emission line". The cumulative
+//! distribution is piecewise linear over cells of at most 1 nm, with a jump at every atom; it is
+//! inverted exactly. Lanes are rotated in primary space (u), as hero wavelength sampling (Wilkie et
+//! al. 2014) over a warped wavelength axis, so each lane alone follows the distribution. Invariant:
+//! a continuous sample never has bitwise the wavelength of an atom.
 
 use super::emission::Line;
+use super::integral::{cells, integrate, over_cell};
 use super::{Curve, Emission, MAX_LANES, cie};
 
 /// The wavelengths of one path: lane 0 is the hero, the others are its rotations in primary space.
@@ -46,7 +48,8 @@ impl SampledWavelengths {
         self.atoms & (1 << lane) != 0
     }
 
-    /// How many lanes have exactly the wavelength of `lane` (itself included): 1 unless lanes coincide on an atom.
+    /// How many lanes have exactly the wavelength of `lane` (itself included): 1 unless lanes
+    /// coincide on an atom.
     #[must_use]
     pub fn multiplicity(&self, lane: usize) -> usize {
         let n = self.count();
@@ -56,7 +59,8 @@ impl SampledWavelengths {
     }
 }
 
-/// One piece of the cumulative distribution: a cell of constant density, or an atom (`low_nm == high_nm`).
+/// One piece of the cumulative distribution: a cell of constant density, or an atom (`low_nm ==
+/// high_nm`).
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     low_nm: f64,
@@ -85,6 +89,8 @@ impl Piece {
 const UNIFORM_SHARE: f64 = 0.2;
 /// The least a line gets, as a share of its emitter.
 const LINE_FLOOR: f64 = 0.01;
+/// Ends of the observer, where it jumps to 0.
+const OBSERVER_NM: [f64; 2] = [cie::FIRST_NM, cie::LAST_NM];
 /// Buckets of the guide table that starts the search of the inverse.
 const GUIDE: usize = 1024;
 
@@ -114,15 +120,16 @@ impl WavelengthDistribution {
         )
     }
 
-    /// For a scene with these emitters, each with the weight of its power (any common unit) over `range_nm`.
+    /// For a scene with these emitters, each with the weight of its power (any common unit) over
+    /// `range_nm`.
     ///
-    /// One fifth uniform, the rest in proportion to weight times emission times (x + y + z), lines by the same
-    /// rule, each with at least 1 % of its emitter's share. Without any continuous emission there are atoms
-    /// only; without any emission the distribution is uniform.
+    /// One fifth uniform, the rest in proportion to weight times emission times (x + y + z), lines
+    /// by the same rule, each with at least 1 % of its emitter's share. Without any continuous
+    /// emission there are atoms only; without any emission the distribution is uniform.
     #[must_use]
     pub fn scene(emitters: &[(Emission, f64)], range_nm: [f64; 2]) -> Self {
         let inside = |l: f64| (range_nm[0]..=range_nm[1]).contains(&l);
-        let mut knots = vec![cie::FIRST_NM, cie::LAST_NM];
+        let mut knots = OBSERVER_NM.to_vec();
         let mut lines: Vec<Line> = Vec::new();
         // Continuous parts with their factor, and whether they are seen (weighted by the observer).
         let mut continuous: Vec<(&Curve, f64, bool)> = Vec::new();
@@ -139,9 +146,10 @@ impl WavelengthDistribution {
             let power = |seen: bool| -> f64 {
                 let response = |l: f64| if seen { cie::cmf_sum(l) } else { 1.0 };
                 let smooth = emission.continuous.as_ref().map_or(0.0, |c| {
-                    cells(range_nm, &[])
-                        .map(|(a, b)| (b - a) * c.eval(0.5 * (a + b)) * response(0.5 * (a + b)))
-                        .sum()
+                    let mut knots = OBSERVER_NM.to_vec();
+                    c.append_knots_nm(&mut knots);
+                    let [power] = integrate(range_nm, &knots, |l| [c.eval(l) * response(l)]);
+                    power
                 });
                 smooth
                     + own
@@ -149,7 +157,8 @@ impl WavelengthDistribution {
                         .map(|l| l.value * response(l.lambda_nm))
                         .sum::<f64>()
             };
-            // An emitter that nobody sees still reaches spectral channels: it counts by its plain power.
+            // An emitter that nobody sees still reaches spectral channels: it counts by its plain
+            // power.
             let visible = power(true);
             let seen = visible > 0.0;
             let share = if seen { visible } else { power(false) };
@@ -186,8 +195,8 @@ impl WavelengthDistribution {
         Self::build(range_nm, &knots, density, &lines, uniform_share)
     }
 
-    /// The same distribution with the atoms of `other`, at their probability there: so that a uniform choice finds the
-    /// lines of a scene too.
+    /// The same distribution with the atoms of `other`, at their probability there: so that a
+    /// uniform choice finds the lines of a scene too.
     #[must_use]
     pub fn with_atoms_of(&self, other: &Self) -> Self {
         let atoms = other.atoms().map(|(nm, p)| (nm, nm, p));
@@ -201,7 +210,8 @@ impl WavelengthDistribution {
         Self::from_masses(self.range_nm, all.into_iter())
     }
 
-    /// Atoms only, equally probable, at these wavelengths (nanometers, at least one; repetitions count once).
+    /// Atoms only, equally probable, at these wavelengths (nanometers, at least one; repetitions
+    /// count once).
     #[must_use]
     pub fn lines(lines_nm: &[f64]) -> Self {
         let mut nm = lines_nm.to_vec();
@@ -217,7 +227,8 @@ impl WavelengthDistribution {
         Self::weighted_lines(&lines)
     }
 
-    /// Atoms only, with probabilities in proportion to their values (> 0); sorted, without repetition, at least one.
+    /// Atoms only, with probabilities in proportion to their values (> 0); sorted, without
+    /// repetition, at least one.
     #[must_use]
     pub fn weighted_lines(lines: &[Line]) -> Self {
         let range_nm = [lines[0].lambda_nm, lines[lines.len() - 1].lambda_nm];
@@ -225,7 +236,8 @@ impl WavelengthDistribution {
         Self::from_masses(range_nm, atoms)
     }
 
-    /// Cells broken at `knots` and atoms; `uniform_share` uniform, the rest as `density` and the lines.
+    /// Cells broken at `knots` and atoms; `uniform_share` uniform, the rest as `density` and the
+    /// lines.
     fn build(
         range_nm: [f64; 2],
         knots: &[f64],
@@ -237,9 +249,8 @@ impl WavelengthDistribution {
         breaks.extend(lines.iter().map(|l| l.lambda_nm));
         let masses: Vec<(f64, f64, f64)> = cells(range_nm, &breaks)
             .map(|(a, b)| {
-                // Simpson's rule, with the ends taken inside the cell (bands may jump at a break).
-                let ends = density(a.next_up()) + density(b.next_down());
-                (a, b, (b - a) * (ends + 4.0 * density(0.5 * (a + b))) / 6.0)
+                let [mass] = over_cell((a, b), |l| [density(l)]);
+                (a, b, mass)
             })
             .collect();
         let total =
@@ -332,7 +343,8 @@ impl WavelengthDistribution {
         &self.pieces[i]
     }
 
-    /// The density at `lambda_nm`: the probability if it is bitwise an atom, else per nanometer; 0 out of range.
+    /// The density at `lambda_nm`: the probability if it is bitwise an atom, else per nanometer; 0
+    /// out of range.
     #[must_use]
     pub fn density(&self, lambda_nm: f64) -> f64 {
         let after = self.pieces.partition_point(|p| p.low_nm <= lambda_nm);
@@ -362,20 +374,6 @@ impl WavelengthDistribution {
     pub fn is_single(&self) -> bool {
         self.pieces.len() == 1 && self.pieces[0].is_atom()
     }
-}
-
-/// The range cut at every whole nanometer and at `breaks`: pairs of consecutive ends.
-fn cells(range_nm: [f64; 2], breaks: &[f64]) -> impl Iterator<Item = (f64, f64)> {
-    let [low, high] = range_nm;
-    let whole = (low.ceil() as i64..=high.floor() as i64).map(|l| l as f64);
-    let mut ends: Vec<f64> = whole
-        .chain(breaks.iter().copied())
-        .filter(|l| low < *l && *l < high)
-        .chain([low, high])
-        .collect();
-    ends.sort_by(f64::total_cmp);
-    ends.dedup();
-    (1..ends.len()).map(move |i| (ends[i - 1], ends[i]))
 }
 
 #[cfg(test)]
@@ -485,10 +483,15 @@ mod tests {
         assert_eq!(d.atoms().count(), 11);
         // Uniform floor everywhere, 80 % shared by power.
         assert!((360..830).all(|l| d.density(f64::from(l) + 0.3) >= 0.2 / 470.0 * (1.0 - 1e-12)));
-        let (d65, hg) = (
-            named("D65").visible_power(),
-            2.0 * named("Hg").visible_power(),
-        );
+        let seen = |emission: &Emission| {
+            let lines = emission.lines.iter();
+            let lines: f64 = lines.map(|l| l.value * cie::cmf_sum(l.lambda_nm)).sum();
+            let smooth = emission.continuous.as_ref().map_or(0.0, |c| {
+                integrate(RANGE, &c.knots_nm(), |l| [c.eval(l) * cie::cmf_sum(l)])[0]
+            });
+            emission.scale * (lines + smooth)
+        };
+        let (d65, hg) = (seen(&named("D65")), 2.0 * seen(&named("Hg")));
         let floored: f64 = hg
             + named("Hg")
                 .lines

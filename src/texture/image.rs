@@ -1,21 +1,29 @@
 //! Images in memory: bytes as they were decoded, or floats; filtered in linear light.
 
+use std::ops::Range;
 use std::sync::LazyLock;
 
 /// Most texels of an image (a square of 16384).
 pub const MAX_TEXELS: u64 = 1 << 28;
 
 /// Linear value of every sRGB byte (IEC 61966-2-1).
-static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|i| {
-        let v = i as f64 / 255.0;
-        (if v <= 0.04045 {
-            v / 12.92
-        } else {
-            ((v + 0.055) / 1.055).powf(2.4)
-        }) as f32
-    })
+static SRGB: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|i| srgb_to_linear(i as f64 / 255.0)));
+
+/// Linear value of every sRGB number of 16 bits.
+static SRGB_WORDS: LazyLock<Vec<f32>> = LazyLock::new(|| {
+    (0..=u16::MAX)
+        .map(|i| srgb_to_linear(f64::from(i) / 65535.0))
+        .collect()
 });
+
+fn srgb_to_linear(v: f64) -> f32 {
+    (if v <= 0.04045 {
+        v / 12.92
+    } else {
+        ((v + 0.055) / 1.055).powf(2.4)
+    }) as f32
+}
 
 /// Why numbers are no image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -45,6 +53,8 @@ pub enum ImageError {
 enum Texels {
     /// Red, green, blue, coverage. Colors are sRGB-encoded where `srgb`.
     Bytes { values: Vec<[u8; 4]>, srgb: bool },
+    /// The same in 16 bits.
+    Words { values: Vec<[u16; 4]>, srgb: bool },
     /// Linear red, green, blue; coverage 1.
     Floats(Vec<[f32; 3]>),
 }
@@ -79,6 +89,16 @@ impl Level {
                         f32::from(b) / 255.0,
                         a,
                     ]
+                }
+            }
+            Texels::Words { values, srgb } => {
+                let [r, g, b, a] = values[i];
+                let plain = |v: u16| f32::from(v) / 65535.0;
+                if *srgb {
+                    let [r, g, b] = [r, g, b].map(|v| SRGB_WORDS[usize::from(v)]);
+                    [r, g, b, plain(a)]
+                } else {
+                    [r, g, b, a].map(plain)
                 }
             }
             Texels::Floats(values) => {
@@ -138,10 +158,25 @@ impl Image {
         Ok(Self::new(width, height, Texels::Bytes { values, srgb }))
     }
 
+    /// The same from 16 bits a channel.
+    ///
+    /// # Errors
+    /// If the size is 0 or too large, or does not match the values.
+    pub fn from_words(
+        width: u32,
+        height: u32,
+        values: Vec<[u16; 4]>,
+        srgb: bool,
+    ) -> Result<Self, ImageError> {
+        check_size(width, height, values.len())?;
+        Ok(Self::new(width, height, Texels::Words { values, srgb }))
+    }
+
     /// From linear red, green, blue.
     ///
     /// # Errors
-    /// If the size is 0 or too large or does not match the values, or a value is negative or not finite.
+    /// If the size is 0 or too large or does not match the values, or a value is negative or not
+    /// finite.
     pub fn from_floats(width: u32, height: u32, values: Vec<[f32; 3]>) -> Result<Self, ImageError> {
         check_size(width, height, values.len())?;
         let bad = |t: &[f32; 3]| !t.iter().all(|v| v.is_finite() && *v >= 0.0);
@@ -161,7 +196,8 @@ impl Image {
         }
     }
 
-    /// The same image with its pyramid of halved levels, down to one texel. (Coverage is kept in level 0 only.)
+    /// The same image with its pyramid of halved levels, down to one texel. (Coverage is kept in
+    /// level 0 only.)
     #[must_use]
     pub fn with_pyramid(mut self) -> Self {
         while let Some(last) = self.levels.last()
@@ -201,11 +237,30 @@ impl Image {
         self.levels[level].texel(x, y)
     }
 
+    /// How many texels have a channel of `channels` (0 red ... 3 coverage) above `limit`, and
+    /// column and row of the first.
+    #[must_use]
+    pub fn above(&self, limit: f32, channels: Range<usize>) -> Option<(usize, [usize; 2])> {
+        let level = &self.levels[0];
+        if limit >= 1.0 && !matches!(level.texels, Texels::Floats(_)) {
+            return None;
+        }
+        let width = level.width;
+        let exceeds = |&i: &usize| {
+            let texel = level.texel(i % width, i / width);
+            texel[channels.clone()].iter().any(|v| *v > limit)
+        };
+        let mut found = (0..width * level.height).filter(exceeds);
+        let first = found.next()?;
+        Some((1 + found.count(), [first % width, first / width]))
+    }
+
     /// Memory held, in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let level = |l: &Level| match &l.texels {
             Texels::Bytes { values, .. } => size_of_val(values.as_slice()),
+            Texels::Words { values, .. } => size_of_val(values.as_slice()),
             Texels::Floats(values) => size_of_val(values.as_slice()),
         };
         self.levels.iter().map(level).sum()
@@ -239,9 +294,27 @@ mod tests {
         assert!((a - 128.0 / 255.0).abs() < 1e-7);
         let linear = Image::from_bytes(1, 1, vec![[51, 0, 0, 0]], false).expect("valid");
         assert!((linear.texel(0, 0, 0)[0] - 0.2).abs() < 1e-7);
+        let words =
+            Image::from_words(1, 1, vec![[48_316, 0, 65_535, 13_107]], true).expect("valid");
+        let [r, g, b, a] = words.texel(0, 0, 0);
+        assert!((r - 0.502_886).abs() < 1e-5 && g == 0.0 && b == 1.0 && (a - 0.2).abs() < 1e-7);
         let bright = Image::from_floats(1, 1, vec![[1e4, 0.0, 2.0]]).expect("valid");
         assert_eq!(bright.texel(0, 0, 0), [1e4, 0.0, 2.0, 1.0]);
         assert_eq!(bright.bytes(), 12);
+    }
+
+    #[test]
+    fn texels_above_a_limit_are_counted() {
+        let values = vec![[0.5, 1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 1.5]];
+        let image = Image::from_floats(1, 3, values).expect("valid");
+        assert_eq!(image.above(1.0, 0..3), Some((2, [0, 1])));
+        assert_eq!(image.above(1.0, 1..2), None);
+        assert_eq!(image.above(0.4, 0..1), Some((2, [0, 0])));
+        let bytes = Image::from_bytes(1, 1, vec![[255; 4]], false).expect("valid");
+        assert_eq!(
+            (bytes.above(1.0, 0..3), bytes.above(0.5, 3..4)),
+            (None, Some((1, [0, 0])))
+        );
     }
 
     #[test]

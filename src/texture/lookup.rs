@@ -4,7 +4,7 @@ use super::Image;
 use glam::{DAffine2, DVec2};
 use std::sync::Arc;
 
-/// What lies beyond the borders of an image.
+/// Rule for what lies beyond the borders of an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
     /// The image again.
@@ -12,7 +12,7 @@ pub enum Wrap {
     Repeat,
     /// The image mirrored.
     Mirror,
-    /// Its border texels.
+    /// The border texels.
     Clamp,
 }
 
@@ -38,7 +38,8 @@ pub enum Filter {
     /// Linear between the centers of the four texels around it.
     #[default]
     Bilinear,
-    /// Linear within and between two levels of the pyramid: texels are means of 2^level × 2^level of the image's.
+    /// Linear within and between two levels of the pyramid: texels are means of 2^level × 2^level
+    /// of the image's.
     Mipmap {
         /// The level, 0 the image itself.
         level: f64,
@@ -50,7 +51,8 @@ pub enum Filter {
 pub struct ImageTexture {
     /// The image.
     pub image: Arc<Image>,
-    /// From the coordinates of the surface to those of the image: (0, 0) its lower left corner, (1, 1) its upper right one.
+    /// From the coordinates of the surface to those of the image: (0, 0) its lower left corner, (1,
+    /// 1) its upper right one.
     pub map: DAffine2,
     /// Beyond the borders, to the sides and up and down.
     pub wrap: [Wrap; 2],

@@ -89,7 +89,8 @@ impl ScalarTexture {
 pub enum SpectrumTexture {
     /// The same everywhere.
     Uniform(Curve),
-    /// The linear sRGB of an image times `factor`, as a smooth spectrum (see [`upsample::rgb_lanes`]).
+    /// The linear sRGB of an image times `factor`, as a smooth spectrum (see
+    /// [`upsample::rgb_lanes`]).
     Image {
         /// The image.
         texture: ImageTexture,
@@ -111,7 +112,8 @@ impl From<f64> for SpectrumTexture {
 }
 
 impl SpectrumTexture {
-    /// The values at texture coordinates `uv` and at the wavelengths of a path; 0 in the lanes not in use.
+    /// The values at texture coordinates `uv` and at the wavelengths of a path; 0 in the lanes not
+    /// in use.
     #[must_use]
     pub fn sample(&self, uv: DVec2, wavelengths: &SampledWavelengths) -> SampledSpectrum {
         match self {
@@ -130,7 +132,8 @@ impl SpectrumTexture {
         matches!(self, Self::Uniform(Curve::Constant(v)) if *v == value)
     }
 
-    /// Mean of red, green and blue over the image (1 where there is none): how bright a pattern of emission is.
+    /// Mean of red, green and blue over the image (1 where there is none): how bright a pattern of
+    /// emission is.
     #[must_use]
     pub fn mean(&self) -> f64 {
         let Self::Image { texture, factor } = self else {

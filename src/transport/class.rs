@@ -47,6 +47,12 @@ impl PathClass {
         self.length
     }
 
+    /// Number of the class among all of at most so many vertices that it fits: its labels as binary
+    /// digits behind a leading 1.
+    pub(super) fn number(&self) -> usize {
+        1 << self.length | self.specular as usize
+    }
+
     /// Whether any vertex is specular.
     #[must_use]
     pub fn has_specular(&self) -> bool {

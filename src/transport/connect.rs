@@ -26,11 +26,11 @@ use super::subpath::{Subpath, Vertex};
 use crate::bsdf::Lobe;
 use crate::geometry::{DirectionalDensity, EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
-use crate::medium::Region;
+use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use end::EndLabels;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Joins the two sub-paths of one sample and collects what they give.
 #[derive(Debug)]
@@ -41,6 +41,8 @@ pub struct Joiner<'a> {
     pub strategies: &'a StrategySet<'a>,
     /// At most this many scattering vertices on a path.
     pub max_depth: usize,
+    /// Where on the film the camera sub-path starts.
+    pub raster: DVec2,
     /// All-specular paths between a delta light and a pinhole are left out: an image of measure
     /// zero.
     pub skip_point_images: bool,
@@ -73,9 +75,6 @@ pub struct Scratch {
     lobes: Vec<(f32, Lobe)>,
 }
 
-/// A ray that must reach its end, and the region it lies in.
-type Segment = (Ray, Region);
-
 /// A numerator, still without its weight: the factor of all lanes and each lane's own.
 struct Numerator {
     scale: f64,
@@ -86,8 +85,6 @@ struct Numerator {
 struct Candidate<'p> {
     view: PathView<'p>,
     trail: Trail<'p>,
-    /// The light that x₀ is on.
-    light: Option<LightId>,
     /// Ends (a, b) of the chain that was solved for, if one was.
     bridge: Option<(usize, usize)>,
     /// Wavelength whose path this is.
@@ -118,10 +115,19 @@ impl<'a> Joiner<'a> {
 
     /// Applies the MIS weight, Russian roulette and the visibility test, then records the
     /// contribution. [theory (3.1)]
-    fn finish(&mut self, numerator: &Numerator, candidate: &Candidate, segments: &[Segment]) {
+    ///
+    /// `segments` are the rays that must reach their ends, from the sensor's side on where they are
+    /// those of a chain; the first starts in the solids of `stack`.
+    fn finish(
+        &mut self,
+        numerator: &Numerator,
+        candidate: &Candidate,
+        segments: &[Ray],
+        stack: &MediumStack,
+    ) {
         let mut view = candidate.view;
-        if let (true, Some(id)) = (self.strategies.aims.any(), candidate.light) {
-            let (kind, trail) = (&self.light(id).kind, &candidate.trail);
+        if self.strategies.aims.any() {
+            let (kind, trail) = (&self.light(view.emitter).kind, &candidate.trail);
             view.bridges = bridges(
                 self.context,
                 self.strategies,
@@ -145,7 +151,7 @@ impl<'a> Joiner<'a> {
         }
         #[cfg(test)]
         if view.made.is_none() {
-            super::record::record(view, self.strategies, segments.first().map(|(ray, _)| ray));
+            super::record::record(view, self.strategies, segments.first());
         }
         let count = self.context.count();
         let multipliers = Multipliers::new(view, self.strategies);
@@ -170,7 +176,12 @@ impl<'a> Joiner<'a> {
         }
         let mut survival = 1.0;
         if !segments.is_empty() {
+            let bound = self
+                .strategies
+                .factors
+                .map(|f| f.roulette_bound(view.raster));
             let threshold = self.context.pass.roulette_threshold;
+            let threshold = bound.map_or(threshold, |bound| threshold.min(bound));
             if threshold > 0.0 {
                 let brightness = self.context.response.brightness(&lanes);
                 if brightness < threshold {
@@ -184,13 +195,16 @@ impl<'a> Joiner<'a> {
                     }
                 }
             }
-            for (ray, region) in segments {
-                let visibility = self.context.visibility(ray, region, self.counters);
-                if visibility == 0.0 {
-                    return;
-                }
-                survival /= visibility;
+            let open = if candidate.bridge.is_some() {
+                self.chain_visibility(candidate.trail.chain, segments, stack)
+            } else {
+                let visibility = |ray| self.context.visibility(ray, stack, self.counters);
+                segments.iter().map(visibility).product()
+            };
+            if open == 0.0 {
+                return;
             }
+            survival /= open;
         }
         self.counters.connections_made += 1;
         let s = view.s();
@@ -217,6 +231,7 @@ impl<'a> Joiner<'a> {
             },
             merged: false,
             aimed: view.made.is_some(),
+            emitter: view.emitter,
             class: if self.detailed {
                 PathClass::of(view)
             } else {
@@ -286,7 +301,7 @@ impl<'a> Joiner<'a> {
         if !sides_agree {
             return;
         }
-        if a.region(w).medium != b.region(-w).medium {
+        if a.medium(w) != b.medium(-w) {
             // most such pairs are simply on different sides of an interface: no path joins them
             return;
         }

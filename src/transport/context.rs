@@ -4,7 +4,7 @@ use super::regularize::Cone;
 use crate::bsdf::Interface;
 use crate::geometry::{EndPoint, InstanceId, Moment, Ray};
 use crate::light::LightId;
-use crate::medium::{MediumId, MediumLanes, Region};
+use crate::medium::{MediumId, MediumLanes, MediumStack};
 use crate::scene::SceneAt;
 use crate::spectrum::{LaneResponse, SampledSpectrum, SampledWavelengths};
 use glam::DVec3;
@@ -41,7 +41,8 @@ pub struct PassSettings {
     /// Wavelength and time for all paths; `None`: each path pair draws its own.
     pub shared: Option<SharedSample>,
     /// Weighted contributions below this much of Y meet Russian roulette before their shadow ray;
-    /// 0: none do.
+    /// 0: none do. Quiet cells of the film have a smaller one
+    /// ([`Factors::roulette_bound`](super::Factors::roulette_bound)).
     pub roulette_threshold: f64,
 }
 
@@ -69,11 +70,19 @@ pub struct Counters {
     /// Surfaces met from a side on which the walk was not: a solid left that was never entered, an
     /// interface whose named medium is not the one around.
     pub medium_mismatches: u64,
+    /// Of the objects these surfaces belong to, the first in the scene.
+    pub mismatched: Option<InstanceId>,
     /// Sub-paths cut because more solids were nested than a stack holds.
     pub nesting_overflows: u64,
 }
 
 impl Counters {
+    /// Notes a surface of `instance` that was met from an unexpected side.
+    pub fn add_mismatch(&mut self, instance: InstanceId) {
+        self.medium_mismatches += 1;
+        self.mismatched = first(self.mismatched, Some(instance));
+    }
+
     /// Adds another thread's counts.
     pub fn add(&mut self, other: &Self) {
         self.closest_rays += other.closest_rays;
@@ -86,8 +95,14 @@ impl Counters {
         self.non_finite += other.non_finite;
         self.lost_bridges += other.lost_bridges;
         self.medium_mismatches += other.medium_mismatches;
+        self.mismatched = first(self.mismatched, other.mismatched);
         self.nesting_overflows += other.nesting_overflows;
     }
+}
+
+/// The first of two instances, either of which may be missing.
+fn first(a: Option<InstanceId>, b: Option<InstanceId>) -> Option<InstanceId> {
+    a.into_iter().chain(b).min()
 }
 
 /// Shared state of one path pair.
@@ -133,16 +148,16 @@ impl<'a> PathContext<'a> {
         &self.media[id.0 as usize]
     }
 
-    /// Indices on both sides of a surface between `regions`: above the normal, then below.
+    /// Indices on both sides of a surface between `media`: above the normal, then below.
     #[must_use]
-    pub fn interface(&self, regions: &[Region; 2]) -> Interface<'a> {
-        let [above, below] = regions.map(|r| &self.media[r.medium.0 as usize]);
+    pub fn interface(&self, media: [MediumId; 2]) -> Interface<'a> {
+        let [above, below] = media.map(|id| &self.media[id.0 as usize]);
         Interface {
             eta_above: &above.eta,
             eta_below: &below.eta,
             count: self.count(),
-            dispersive: (above.dispersive || below.dispersive)
-                && regions[0].medium != regions[1].medium,
+            dispersive: (above.dispersive || below.dispersive) && media[0] != media[1],
+            albedos: self.scene.albedos(),
         }
     }
 
@@ -153,24 +168,12 @@ impl<'a> PathContext<'a> {
         SampledSpectrum::from_fn(|j| (eta[j] * eta[j]) as f32)
     }
 
-    /// Transmittance of a shadow segment that lies in `region`: 0 if occluded, in between where
-    /// surfaces cover it partly.
+    /// Transmittance of a shadow segment that starts in the solids of `stack`: 0 if occluded, in
+    /// between where surfaces cover it partly.
     #[must_use]
-    pub fn visibility(&self, ray: &Ray, region: &Region, counters: &mut Counters) -> f64 {
+    pub fn visibility(&self, ray: &Ray, stack: &MediumStack, counters: &mut Counters) -> f64 {
         counters.shadow_rays += 1;
-        let occluded = self.scene.geometry.occluded(ray, |id: InstanceId| {
-            let object = self.scene.object(id);
-            !(object.transparent_sensor
-                || object.has_alpha
-                || object.clear && region.passes(object.boundary, id))
-        });
-        if occluded {
-            0.0
-        } else if self.scene.has_coverage {
-            self.scene.uncovered(ray)
-        } else {
-            1.0
-        }
+        self.scene.visibility(ray, stack)
     }
 
     /// The lanes that stay alive when the hero's direction was taken through a dispersive

@@ -1,6 +1,7 @@
 //! Contributions: weighted values of paths and the pixels they land on.
 
 use super::class::PathClass;
+use crate::light::LightId;
 use crate::spectrum::MAX_LANES;
 use glam::DVec2;
 
@@ -33,6 +34,8 @@ pub struct Contribution {
     pub merged: bool,
     /// Made by a chain solved for, between the `s` vertices from the light and the `t` from the sensor.
     pub aimed: bool,
+    /// The light of x₀; of merged paths any.
+    pub emitter: LightId,
     /// Labels of the vertices; empty where nothing is kept by class.
     pub class: PathClass,
 }

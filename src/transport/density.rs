@@ -7,7 +7,9 @@
 
 use crate::bsdf::{BsdfEval, Label, LaneDensity};
 use crate::geometry::DirectionalDensity;
+use crate::light::LightId;
 use crate::spectrum::MAX_LANES;
+use glam::DVec2;
 
 /// Per-lane densities of one vertex.
 pub type Column = [f64; MAX_LANES];
@@ -204,6 +206,10 @@ pub struct PathView<'a> {
     pub bridges: [Option<Bridge>; 2],
     /// The one of these that made the path; the edge is then the last one of its chain.
     pub made: Option<Bridge>,
+    /// The light of x₀.
+    pub emitter: LightId,
+    /// Where on the film the path is seen.
+    pub raster: DVec2,
 }
 
 impl PathView<'_> {

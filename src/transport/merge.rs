@@ -133,7 +133,7 @@ pub fn merge_factors(
         + sensor.first
         + toward_sensor * sensor.rest;
     let numerator = match strategies.heuristic {
-        Heuristic::Balance => 1.0,
+        Heuristic::VarianceAware | Heuristic::Balance => 1.0,
         Heuristic::Power2 => strategies.merge_samples(),
     };
     let count = wavelengths.count();
@@ -168,5 +168,5 @@ pub fn merge_factors(
 pub fn is_separable(strategies: &StrategySet) -> bool {
     let whole =
         strategies.cone.is_some() && (strategies.single.is_some() || strategies.bias_weight < 1.0);
-    strategies.disabled.is_empty() && !whole
+    strategies.disabled.is_empty() && strategies.factors.is_none() && !whole
 }

@@ -10,11 +10,16 @@
 //! both sides (Georgiev et al., "Light Transport Simulation with Vertex Connection and Merging",
 //! 2012, eq. 10).
 //!
+//! A strategy that scatters less than its density says counts more by its variance factor, which is
+//! part of its preference ([`Factors`](super::factors::Factors)).
+//!
 //! The lane multiplicity c(s') counts the wavelengths that could have made the path's lane as their
 //! hero: all of them where no dispersive vertex is scattered at, only those of exactly the same
 //! wavelength elsewhere. It splits the sum in two: `D_j = shared + own_j`.
 
+use super::class::PathClass;
 use super::density::{Bridge, PathView};
+use super::factors::FactorKey;
 use super::strategies::StrategySet;
 use crate::scene::settings::{Heuristic, SingleRule};
 use crate::spectrum::{MAX_LANES, SampledWavelengths};
@@ -26,8 +31,9 @@ pub struct Denominator {
     pub shared: f64,
     /// Terms that only lanes of the same wavelength could have made.
     pub own: [f64; MAX_LANES],
-    /// Factor on the contribution's numerator: the strategy's preference (1 unless regularized
-    /// strategies are weighted down or chosen among), times `m₁(s)` for the power heuristic.
+    /// Factor on the contribution's numerator: the strategy's preference (1 unless it has a
+    /// variance factor, or regularized strategies are weighted down or chosen among), times `m₁(s)`
+    /// for the power heuristic.
     pub numerator: f64,
 }
 
@@ -78,8 +84,8 @@ enum Admitted {
     Only(usize),
 }
 
-/// Multiplier `m₁(s) = n_s · (A β)^{N_r(s)} · [executed and admitted]` of every technique of a
-/// path.
+/// Multiplier `m₁(s) = n_s · (A β)^{N_r(s)} · v_s · [executed and admitted]` of every technique of
+/// a path.
 #[derive(Clone, Copy, Debug)]
 pub struct Multipliers<'a> {
     path: &'a PathView<'a>,
@@ -89,6 +95,8 @@ pub struct Multipliers<'a> {
     has_specular: bool,
     /// β: 1 where no unbiased strategy makes the path.
     beta: f64,
+    /// v of the strategies s = 0, 1, ...; those that are not there have 1.
+    factors: &'a [f32],
 }
 
 impl<'a> Multipliers<'a> {
@@ -101,7 +109,12 @@ impl<'a> Multipliers<'a> {
             admitted: Admitted::All,
             has_specular: path.has_specular(),
             beta: 1.0,
+            factors: &[],
         };
+        if let Some(factors) = strategies.factors {
+            let key = FactorKey::new(path.emitter, PathClass::of(path));
+            out.factors = key.map_or(&[], |key| factors.of(key, path.raster));
+        }
         if strategies.merges_alone() && out.is_mergeable() {
             out.admitted = Admitted::None;
             return out;
@@ -124,6 +137,12 @@ impl<'a> Multipliers<'a> {
             out.beta = strategies.bias_weight;
         }
         out
+    }
+
+    /// The path.
+    #[must_use]
+    pub fn path(&self) -> &PathView<'a> {
+        self.path
     }
 
     /// N_r(s): specular ends of strategy `s`. [theory (2.3)]
@@ -161,18 +180,20 @@ impl<'a> Multipliers<'a> {
     }
 
     /// Preference, by which a technique is weighted besides its density and A:
-    /// `β^{N_r(s)} · [admitted]`. [theory (2.6)]
+    /// `β^{N_r(s)} · v_s · [admitted]`; that of merging is 1, and that of bridges, whose scatter
+    /// the pilot does not measure. [theory (2.6), (2.7)]
     #[must_use]
     pub fn preference(&self, technique: Technique) -> f64 {
         let Technique::Join(s) = technique else {
             return 1.0;
         };
+        let factor = self.factors.get(s).map_or(1.0, |v| f64::from(*v));
         match self.admitted {
-            Admitted::All if self.beta == 1.0 => 1.0,
-            Admitted::All => self.beta.powi(self.regularized(s)),
-            Admitted::None => 0.0,
-            Admitted::Unregularized => f64::from(u8::from(self.regularized(s) == 0)),
-            Admitted::Only(one) => f64::from(u8::from(s == one)),
+            Admitted::All if self.beta == 1.0 => factor,
+            Admitted::All => factor * self.beta.powi(self.regularized(s)),
+            Admitted::Unregularized if self.regularized(s) == 0 => factor,
+            Admitted::Only(one) if s == one => factor,
+            Admitted::None | Admitted::Unregularized | Admitted::Only(_) => 0.0,
         }
     }
 
@@ -403,7 +424,7 @@ pub fn denominator(
     let preference = multipliers.preference(executed);
     Denominator {
         numerator: match multipliers.strategies.heuristic {
-            Heuristic::Balance => preference,
+            Heuristic::VarianceAware | Heuristic::Balance => preference,
             Heuristic::Power2 => preference * multipliers.of(executed),
         },
         ..terms(multipliers, wavelengths, scratch)
@@ -424,7 +445,7 @@ pub fn merge_denominator(
     Denominator {
         numerator: match multipliers.strategies.heuristic {
             _ if merging == 0.0 => 0.0,
-            Heuristic::Balance => from_sensor,
+            Heuristic::VarianceAware | Heuristic::Balance => from_sensor,
             Heuristic::Power2 => from_sensor * from_sensor * merging,
         },
         ..terms(multipliers, wavelengths, scratch)

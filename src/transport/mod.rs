@@ -10,10 +10,11 @@ pub mod connect;
 pub mod context;
 pub mod contribution;
 pub mod density;
+pub mod factors;
 pub mod merge;
 pub mod mis;
 #[cfg(test)]
-mod oracle;
+pub(crate) mod oracle;
 pub mod photons;
 #[cfg(test)]
 pub mod record;
@@ -26,6 +27,7 @@ pub mod walk;
 pub use context::{Counters, PassSettings, PathContext};
 pub use contribution::{Contribution, Target};
 pub use density::{Edge, PathView, VertexDensity};
+pub use factors::Factors;
 pub use photons::{PhotonBuffer, PhotonMap};
 pub use regularize::Cone;
 pub use strategies::StrategySet;

@@ -1,32 +1,38 @@
 //! The weights by definition: every strategy's density as a plain product, nothing shared, nothing
 //! cancelled. Slow; checks `mis.rs`.
 
+use super::class::PathClass;
 use super::density::{Bridge, Column, Edge, EdgeDensity, NO_COLUMN, PathView, VertexDensity};
+use super::factors::{Cells, FactorKey, Factors, MAX_DEPTH};
 use super::merge::{MergeSide, is_separable, merge_factors, side_terms};
 use super::mis::{Multipliers, Technique, denominator, for_each_term, merge_denominator};
 use super::regularize::Cone;
 use super::strategies::{Aims, Merge, MergeRule, StrategySet};
 use crate::bsdf::Label;
+use crate::light::LightId;
 use crate::math::hash::{random_bits, unit_f64};
 use crate::scene::settings::{Heuristic, SingleRule};
 use crate::spectrum::{MAX_LANES, SampledWavelengths, WavelengthDistribution};
+use glam::DVec2;
 use std::collections::BTreeSet;
 
 mod bridges;
 
 /// All densities of a finished path, from both sides and for every lane.
-struct FullPath {
-    pf: Vec<Column>,
-    pr: Vec<Column>,
-    direct: f64,
-    specular: Vec<bool>,
-    dispersive: Vec<bool>,
+pub(crate) struct FullPath {
+    pub pf: Vec<Column>,
+    pub pr: Vec<Column>,
+    pub direct: f64,
+    pub specular: Vec<bool>,
+    pub dispersive: Vec<bool>,
     /// Of the edge before each vertex.
-    lengths: Vec<f32>,
-    hittable_light: bool,
+    pub lengths: Vec<f32>,
+    pub hittable_light: bool,
+    pub emitter: LightId,
+    pub raster: DVec2,
     /// Chains solved for, and the one that made the path.
-    bridges: [Option<Bridge>; 2],
-    made: Option<Bridge>,
+    pub bridges: [Option<Bridge>; 2],
+    pub made: Option<Bridge>,
 }
 
 struct Random {
@@ -38,6 +44,11 @@ impl Random {
     fn next(&mut self) -> f64 {
         self.counter += 1;
         unit_f64(random_bits(self.key, self.counter))
+    }
+
+    /// A number of its own, which moves no other.
+    fn at(&self, i: u64) -> f64 {
+        unit_f64(random_bits(!self.key, 4 * self.counter + i))
     }
 
     /// Between 1e-3 and 1e3, log-uniform.
@@ -92,6 +103,8 @@ fn random_path(random: &mut Random, n: usize, columns: bool, zeros: f64) -> Full
         hittable_light,
         bridges: [None; 2],
         made: None,
+        emitter: LightId(n as u32 % 3),
+        raster: DVec2::new(random.at(0), random.at(1)) * f64::from(CELLS * CELL),
     }
 }
 
@@ -211,7 +224,18 @@ impl FullPath {
             hittable_light: self.hittable_light,
             bridges: self.bridges,
             made: self.made,
+            emitter: self.emitter,
+            raster: self.raster,
         })
+    }
+
+    /// Sum of the weights of all strategies that can make the path, each as that strategy sees it.
+    pub fn weight_sum(&self, strategies: &StrategySet) -> f64 {
+        let one = WavelengthDistribution::uniform([360.0, 830.0]).sample(0.5, 1);
+        (0..=self.len())
+            .filter(|&s| self.density(s, 0) > 0.0)
+            .map(|s| self.seen_by(s, |view| weight(&Multipliers::new(view, strategies), &one)))
+            .sum()
     }
 
     fn regularized(&self, s: usize) -> i32 {
@@ -219,6 +243,17 @@ impl FullPath {
             0
         } else {
             i32::from(self.specular[s - 1]) + i32::from(self.specular[s])
+        }
+    }
+
+    /// Variance factor of strategy `s` by definition.
+    fn factor(&self, strategies: &StrategySet, s: usize) -> f64 {
+        let labels = &self.specular[1..self.len() - 1];
+        match strategies.factors {
+            Some(_) if labels.len() <= MAX_DEPTH as usize && s < self.len() => {
+                random_factor(self.emitter, labels, self.raster, s)
+            }
+            _ => 1.0,
         }
     }
 
@@ -240,7 +275,9 @@ impl FullPath {
         let unbiased = possible.iter().any(|&s| self.regularized(s) == 0)
             || strategies.merge_samples() > 0.0 && self.is_mergeable();
         if strategies.cone.is_some() && self.bridges.iter().any(Option::is_some) {
-            return plain(s) * f64::from(u8::from(self.regularized(s) == 0));
+            return plain(s)
+                * self.factor(strategies, s)
+                * f64::from(u8::from(self.regularized(s) == 0));
         }
         let preference = match strategies.single.filter(|_| strategies.cone.is_some()) {
             None if unbiased && strategies.cone.is_some() => {
@@ -265,7 +302,7 @@ impl FullPath {
             }
         };
         let forbidden = strategies.merges_alone() && self.is_mergeable();
-        plain(s) * preference * f64::from(u8::from(!forbidden))
+        plain(s) * preference * self.factor(strategies, s) * f64::from(u8::from(!forbidden))
     }
 }
 
@@ -280,6 +317,7 @@ fn every(disabled: &BTreeSet<(u32, u32)>) -> StrategySet<'_> {
         pairs: 1.0,
         merge: None,
         heuristic: Heuristic::Balance,
+        factors: None,
         splat_samples: 1.0,
         hittable_sensor: true,
         cone: None,
@@ -295,12 +333,57 @@ fn random_disabled(random: &mut Random, n: usize) -> BTreeSet<(u32, u32)> {
     all.filter(|_| random.next() < 0.15).collect()
 }
 
+/// Side of the film in cells and of a cell in pixels.
+const CELLS: u32 = 2;
+const CELL: u32 = 16;
+
+/// A number from 1 to 100 for a strategy of a path.
+fn random_factor(emitter: LightId, labels: &[bool], raster: DVec2, s: usize) -> f64 {
+    let class = labels
+        .iter()
+        .fold(1, |bits, &label| 2 * bits + u64::from(label));
+    let [x, y] = [raster.x, raster.y].map(|v| (v / f64::from(CELL)) as u64);
+    let key = class << 16 | u64::from(emitter.0) << 8 | y << 1 | x;
+    1.0 + (99.0 * unit_f64(random_bits(key, s as u64))).floor()
+}
+
+/// The same for every class of three lights.
+pub(crate) fn random_factors() -> Factors {
+    let mut factors = Factors::new(Cells {
+        first: [0; 2],
+        size: [CELLS * CELL; 2],
+        side: CELL,
+    });
+    let classes = (0..=MAX_DEPTH).flat_map(|d| (0..1_u32 << d).map(move |bits| (d, bits)));
+    for (depth, bits) in classes {
+        let labels: Vec<bool> = (0..depth).map(|i| bits >> i & 1 == 1).collect();
+        let mut class = PathClass::new();
+        labels.iter().for_each(|&label| class.push(label));
+        for light in (0..3).map(LightId) {
+            let values: Vec<f32> = (0..CELLS * CELLS)
+                .map(|cell| DVec2::new(f64::from(cell % CELLS), f64::from(cell / CELLS)))
+                .flat_map(|corner| {
+                    (0..depth as usize + 2).map(move |s| (corner * f64::from(CELL), s))
+                })
+                .map(|(raster, s)| random_factor(light, &labels, raster, s) as f32)
+                .collect();
+            let key = FactorKey::new(light, class).unwrap();
+            factors.insert(key, &values).unwrap();
+        }
+    }
+    factors
+}
+
 /// Any strategies at all, of more kinds than integrators execute.
 fn random_strategies<'a>(
     random: &mut Random,
     disabled: &'a BTreeSet<(u32, u32)>,
+    factors: &'a Factors,
 ) -> StrategySet<'a> {
     let mut strategies = every(disabled);
+    if random.at(2) < 0.5 {
+        strategies.factors = Some(factors);
+    }
     strategies.splat_samples = 0.01 + random.next();
     strategies.hittable_sensor = random.next() < 0.5;
     for executed in [
@@ -368,7 +451,7 @@ fn denominator_by_definition(
             if !scattered(s) || wavelengths.lambda_nm(k) == wavelengths.lambda_nm(j) {
                 let term = path.multiplier(strategies, s) * path.density(s, k);
                 sum += match strategies.heuristic {
-                    Heuristic::Balance => term,
+                    Heuristic::VarianceAware | Heuristic::Balance => term,
                     Heuristic::Power2 => term * term,
                 };
             }
@@ -380,7 +463,7 @@ fn denominator_by_definition(
             if !disperses || wavelengths.lambda_nm(k) == wavelengths.lambda_nm(j) {
                 let term = path.merging(strategies, i) * path.merge_density(i, k);
                 sum += match strategies.heuristic {
-                    Heuristic::Balance => term,
+                    Heuristic::VarianceAware | Heuristic::Balance => term,
                     Heuristic::Power2 => term * term,
                 };
             }
@@ -421,6 +504,14 @@ fn merge_error(
     })
 }
 
+/// Weight of the strategy that made a path, from what contributions are multiplied by: its
+/// numerator is F over its density and n_s.
+fn weight(multipliers: &Multipliers, wavelengths: &SampledWavelengths) -> f64 {
+    let executed = Technique::Join(multipliers.path().s());
+    let found = denominator(multipliers, wavelengths, &mut Vec::new());
+    multipliers.plain(executed) * found.factor(0)
+}
+
 fn check(
     seed: u64,
     columns: bool,
@@ -436,12 +527,13 @@ fn check(
     let lines = WavelengthDistribution::lines(&[450.0, 550.0, 650.0]);
     let (mut executed_strategies, mut worst_sum, mut worst_lane) = (0, 0.0_f64, 0.0_f64);
     let (mut merges, mut worst_merge) = (0, 0.0_f64);
+    let factors = random_factors();
     for _ in 0..rounds {
         let span = (lengths.end() - lengths.start() + 1) as f64;
         let n = lengths.start() + (random.next() * span) as usize;
         let path = random_path(&mut random, n, columns, zeros);
         let disabled = random_disabled(&mut random, n);
-        let strategies = random_strategies(&mut random, &disabled);
+        let strategies = random_strategies(&mut random, &disabled, &factors);
         let count = [1, 4, 8][(random.next() * 3.0) as usize];
         let distribution = if random.next() < 0.3 {
             &lines
@@ -449,8 +541,9 @@ fn check(
             &continuous
         };
         let wavelengths = distribution.sample(random.next(), count);
-        let mut weight_sum = 0.0;
+        let (mut weight_sum, mut made_sum) = (0.0, 0.0);
         let mut possible = 0;
+        let one = continuous.sample(0.5, 1);
         for s in 0..=n {
             path.seen_by(s, |view| {
                 let multipliers = Multipliers::new(view, &strategies);
@@ -470,6 +563,7 @@ fn check(
                 let mut total = 0.0;
                 for_each_term(&multipliers, |_, term| total += term);
                 weight_sum += own / total;
+                made_sum += weight(&multipliers, &one);
                 let all = denominator(&multipliers, &wavelengths, &mut Vec::new());
                 for j in 0..count {
                     let base = path.density(s, 0);
@@ -499,6 +593,8 @@ fn check(
                 let mut total = 0.0;
                 for_each_term(&multipliers, |_, term| total += term);
                 weight_sum += own * path.pr[i][0] / total;
+                let found = merge_denominator(&multipliers, &one, &mut Vec::new());
+                made_sum += own * found.factor(0);
                 let all = merge_denominator(&multipliers, &wavelengths, &mut Vec::new());
                 for j in [0, count - 1] {
                     let expected = denominator_by_definition(&path, &strategies, &wavelengths, j);
@@ -512,7 +608,11 @@ fn check(
         }
         executed_strategies += possible;
         if possible > 0 && !columns {
-            worst_sum = worst_sum.max((weight_sum - 1.0).abs());
+            let balance = strategies.heuristic != Heuristic::Power2;
+            if balance {
+                worst_sum = worst_sum.max((weight_sum - 1.0).abs());
+            }
+            worst_sum = worst_sum.max((made_sum - 1.0).abs());
         }
     }
     assert!(
@@ -543,6 +643,34 @@ fn weights_of_long_paths_equal_their_definition() {
 #[test]
 fn lane_columns_equal_their_definition() {
     check(3, true, 0.05, 2..=10, 5_000);
+}
+
+#[test]
+fn a_numerator_without_its_factor_is_seen() {
+    let mut random = Random { key: 5, counter: 0 };
+    let (none, factors) = (BTreeSet::new(), random_factors());
+    let wavelengths = WavelengthDistribution::uniform([360.0, 830.0]).sample(0.5, 1);
+    let mut seen = 0;
+    for _ in 0..100 {
+        let path = random_path(&mut random, 5, false, 0.0);
+        let strategies = StrategySet {
+            factors: Some(&factors),
+            cone: Some(Cone::new(0.3)),
+            ..every(&none)
+        };
+        let (mut sum, mut forgotten) = (0.0, 0.0);
+        for s in 0..=5 {
+            let weight = path.seen_by(s, |view| {
+                weight(&Multipliers::new(view, &strategies), &wavelengths)
+            });
+            sum += weight;
+            forgotten += weight / path.factor(&strategies, s);
+        }
+        assert!((sum - 1.0).abs() < 1e-12, "{sum}");
+        seen += usize::from(forgotten < 0.99);
+    }
+    // the factor of the strategy that makes nearly all is 1 in one path of a hundred
+    assert!(seen > 90, "{seen} of 100");
 }
 
 #[test]

@@ -4,7 +4,9 @@ use super::density::{Column, PathView};
 use super::mis::{Multipliers, Technique, for_each_term};
 use super::strategies::StrategySet;
 use crate::geometry::Ray;
+use crate::light::LightId;
 use crate::spectrum::MAX_LANES;
+use glam::DVec2;
 use std::cell::RefCell;
 
 /// A path as its strategy sees it.
@@ -28,6 +30,10 @@ pub struct Recorded {
     pub multipliers: Vec<f64>,
     /// Weight of the strategy, without the lanes.
     pub weight: f64,
+    /// The light of x₀.
+    pub emitter: LightId,
+    /// Where on the film.
+    pub raster: DVec2,
     /// The segment that joins the sub-paths.
     pub segment: Option<Ray>,
 }
@@ -68,6 +74,8 @@ pub(super) fn record(view: &PathView, strategies: &StrategySet, segment: Option<
                 .map(|i| multipliers.of(Technique::Join(i)))
                 .collect(),
             weight: multipliers.of(Technique::Join(s)) / sum,
+            emitter: view.emitter,
+            raster: view.raster,
             segment: segment.copied(),
         });
     });

@@ -204,8 +204,9 @@ fn finished(
 mod tests {
     use super::*;
     use crate::bsdf::Interface;
-    use crate::bsdf::conductor::Mirror;
-    use crate::bsdf::dielectric::Dielectric;
+    use crate::bsdf::albedo::NO_ALBEDOS;
+    use crate::bsdf::lobe::conductor::Mirror;
+    use crate::bsdf::lobe::dielectric::Dielectric;
     use crate::math::frame::Frame;
     use crate::math::sampling::uniform_cone;
     use proptest::prelude::*;
@@ -223,6 +224,7 @@ mod tests {
                 eta_below: kept([eta_below; MAX_LANES]),
                 count: 4,
                 dispersive: false,
+                albedos: &NO_ALBEDOS,
             },
         }
     }

@@ -1,5 +1,6 @@
 //! Which strategies are executed, and how many samples each takes.
 
+use super::factors::Factors;
 use super::mis::Technique;
 use super::regularize::Cone;
 use crate::scene::settings::{Heuristic, SingleRule};
@@ -76,8 +77,10 @@ pub struct StrategySet<'a> {
     pub pairs: f64,
     /// Photon merging; `None`: never.
     pub merge: Option<Merge>,
-    /// Balance or power heuristic.
+    /// Power of the densities.
     pub heuristic: Heuristic,
+    /// Variance factors; `None`: all are 1.
+    pub factors: Option<&'a Factors>,
     /// `n_s` of t <= 1: light sub-paths per pass / pixels of the full film.
     pub splat_samples: f64,
     /// The sensor can be hit by light paths (a detector).

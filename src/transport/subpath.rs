@@ -8,7 +8,7 @@ use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Lobe, Side};
 use crate::geometry::{EndPoint, SurfaceId};
 use crate::light::LightId;
 use crate::math::frame::Frame;
-use crate::medium::{MediumId, Region};
+use crate::medium::{MediumId, MediumStack};
 use glam::{DVec2, DVec3};
 
 /// A scattering vertex of a sub-path. Its lobes are held by the sub-path: [`Subpath::scatterer`].
@@ -23,7 +23,9 @@ pub struct Vertex {
     /// Face and instance.
     pub id: SurfaceId,
     /// The media on the side the normal points to, and on the other.
-    pub regions: [Region; 2],
+    pub media: [MediumId; 2],
+    /// The stacks there, by their place in the sub-path.
+    pub(super) stacks: [u32; 2],
     /// Unit direction towards the previous vertex.
     pub toward_previous: DVec3,
     /// Distance to the previous vertex; infinite if that is a light at infinity.
@@ -66,10 +68,15 @@ impl Vertex {
         w.dot(self.frame.z).abs()
     }
 
-    /// The region in which unit direction `w` leaves the vertex.
+    /// The medium in which unit direction `w` leaves the vertex.
     #[must_use]
-    pub fn region(&self, w: DVec3) -> &Region {
-        &self.regions[usize::from(self.ng.dot(w) < 0.0)]
+    pub fn medium(&self, w: DVec3) -> MediumId {
+        self.media[self.side(w)]
+    }
+
+    /// 0 on the side the normal points to, 1 on the other.
+    fn side(&self, w: DVec3) -> usize {
+        usize::from(self.ng.dot(w) < 0.0)
     }
 
     /// Whether the geometric and the shading normal agree about the side of `w`. Where they do not,
@@ -184,8 +191,6 @@ pub struct Escape {
 pub struct Subpath {
     /// Where it starts.
     pub origin: EndPoint,
-    /// Medium at the start.
-    pub region: Region,
     /// The light it starts from (light sub-paths).
     pub light: Option<LightId>,
     /// Density of that start by direct sampling from the first vertex, known once that is (light
@@ -199,6 +204,8 @@ pub struct Subpath {
     pub columns: Vec<Column>,
     /// (weight, lobe) pairs of all vertices.
     pub lobes: Vec<(f32, Lobe)>,
+    /// The solids around each part of it, the start first.
+    pub(super) stacks: Vec<MediumStack>,
     /// Emitting surfaces that a camera sub-path arrived at, in its order.
     pub light_hits: Vec<LightHit>,
     /// Detector hits of a light sub-path.
@@ -211,16 +218,13 @@ impl Default for Subpath {
     fn default() -> Self {
         Self {
             origin: EndPoint::NONE,
-            region: Region {
-                medium: MediumId::AMBIENT,
-                rank: None,
-            },
             light: None,
             direct: 0.0,
             vertices: Vec::new(),
             densities: Vec::new(),
             columns: Vec::new(),
             lobes: Vec::new(),
+            stacks: Vec::new(),
             light_hits: Vec::new(),
             sensor_hits: Vec::new(),
             escape: None,
@@ -229,10 +233,17 @@ impl Default for Subpath {
 }
 
 impl Subpath {
-    /// Empties it for a new start; buffers are kept.
-    pub fn restart(&mut self, origin: EndPoint, region: Region, light: Option<LightId>, pdf: f64) {
+    /// Empties it for a new start, in the solids of `stack`; buffers are kept.
+    pub fn restart(
+        &mut self,
+        origin: EndPoint,
+        stack: &MediumStack,
+        light: Option<LightId>,
+        pdf: f64,
+    ) {
         self.origin = origin;
-        self.region = region;
+        self.stacks.clear();
+        self.stacks.push(*stack);
         self.light = light;
         self.direct = 0.0;
         self.vertices.clear();
@@ -256,6 +267,19 @@ impl Subpath {
         }
     }
 
+    /// The solids its start is in.
+    #[must_use]
+    pub fn start_stack(&self) -> &MediumStack {
+        &self.stacks[0]
+    }
+
+    /// The solids in which unit direction `w` leaves vertex `i`.
+    #[must_use]
+    pub fn stack(&self, i: usize, w: DVec3) -> &MediumStack {
+        let vertex = &self.vertices[i];
+        &self.stacks[vertex.stacks[vertex.side(w)] as usize]
+    }
+
     /// Scattering at vertex `i`.
     #[must_use]
     pub fn scatterer<'a>(&'a self, i: usize, context: &PathContext<'a>) -> Scatterer<'a> {
@@ -265,7 +289,7 @@ impl Subpath {
             frame: &vertex.frame,
             bsdf: Bsdf {
                 lobes: &self.lobes[first..first + usize::from(vertex.lobes)],
-                interface: context.interface(&vertex.regions),
+                interface: context.interface(vertex.media),
             },
         }
     }
@@ -304,6 +328,12 @@ impl Subpath {
             }
             None => at_end(),
         }
+    }
+
+    /// Stores the solids of a part of the sub-path; where.
+    pub(super) fn store_stack(&mut self, stack: &MediumStack) -> u32 {
+        self.stacks.push(*stack);
+        (self.stacks.len() - 1) as u32
     }
 
     /// Stores a density's columns, if it has any.

@@ -9,11 +9,12 @@ use super::density::{Departure, EdgeDensity, VertexDensity};
 use super::subpath::{Escape, LightHit, SensorHit, Subpath, Vertex};
 use super::throughput::Throughput;
 use crate::bsdf::{BsdfSample, Side};
-use crate::geometry::{DirectionalDensity, EndPoint, Ray, SurfacePoint};
+use crate::geometry::{DirectionalDensity, EndPoint, Face, Faces, Ray, SurfacePoint};
 use crate::math::frame::Frame;
-use crate::medium::MediumStack;
+use crate::medium::{Boundary, MediumStack};
 use crate::sampler::{Draw, Sampler};
 use crate::scene::Scene;
+use crate::scene::crossing::resolve;
 use glam::DVec3;
 
 /// From how many vertices on a sub-path whose weight does not fall is killed now and then, so that
@@ -25,7 +26,7 @@ const ENDLESS_SURVIVAL: f64 = 0.95;
 const ROULETTE_AFTER: usize = 2;
 
 /// Start of a walk.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Start {
     /// First ray.
     pub ray: Ray,
@@ -70,6 +71,8 @@ pub fn walk(
     let mut travel = Departure::Start(pdf);
     // distance passed since the last vertex, through surfaces that are none
     let mut passed = if infinite { f64::INFINITY } else { 0.0 };
+    // where the sub-path has the present stack
+    let mut here = 0;
     // partly covered surfaces met since then
     let mut crossings = 0;
     loop {
@@ -86,50 +89,79 @@ pub fn walk(
             });
             return;
         };
-        let object = scene.object(hit.id.instance);
         let point = scene.geometry.surface(&ray, &hit);
-        let entering = ray.d.dot(point.ng) < 0.0;
         let distance = passed + hit.t;
-        let through = |ray: &Ray| Ray::leaving(point.p, ray.d, Some(point.id));
-
-        if object.has_alpha && {
-            let vertices = path.vertices.len();
-            let draw = match generate {
-                Side::Light => Draw::CameraCoverage(vertices, crossings),
-                Side::Camera => Draw::LightCoverage(vertices, crossings),
-            };
-            crossings += 1;
-            passes_through_opening(&scene, &point, || sampler.number(draw))
-        } {
-            ray = through(&ray);
-            passed = distance;
-            continue;
-        }
-        if object.sensor == Some(context.sensor) && generate == Side::Camera {
-            record_sensor_hit(
-                context, path, &point, ray.d, distance, &stack, &travel, throughput,
-            );
-        }
-        if object.sensor.is_some() {
-            if !object.transparent_sensor {
-                return;
+        // most surfaces have their place for themselves
+        let face = Face {
+            point,
+            folded: false,
+        };
+        let mut gathered = Faces::new();
+        let faces = if scene.is_simple(&point) {
+            std::slice::from_ref(&face)
+        } else {
+            gathered.extend(scene.faces_at(&point));
+            // what is not there, or senses and lets pass, is no part of the crossing
+            gathered.retain(|face| {
+                let object = scene.object(face.point.id.instance);
+                if object.transparent_sensor {
+                    if object.sensor == Some(context.sensor) && generate == Side::Camera {
+                        record_sensor_hit(
+                            context,
+                            path,
+                            &face.point,
+                            ray.d,
+                            distance,
+                            &stack,
+                            &travel,
+                            throughput,
+                        );
+                    }
+                    return false;
+                }
+                if !object.has_alpha {
+                    return true;
+                }
+                let vertices = path.vertices.len();
+                let draw = match generate {
+                    Side::Light => Draw::CameraCoverage(vertices, crossings),
+                    Side::Camera => Draw::LightCoverage(vertices, crossings),
+                };
+                crossings += 1;
+                !passes_through_opening(&scene, &face.point, || sampler.number(draw))
+            });
+            if gathered.is_empty() {
+                ray = Ray::leaving(point.p, ray.d, Some(point.id));
+                passed = distance;
+                continue;
             }
-            ray = through(&ray);
-            passed = distance;
-            continue;
-        }
-        if !stack.agrees(object.boundary, hit.id.instance, entering) {
-            counters.medium_mismatches += 1;
-        }
-        let Some(behind) = stack.crossed(object.boundary, hit.id.instance, entering) else {
+            gathered.as_slice()
+        };
+        let Ok(crossing) = resolve(&scene.objects, faces, &stack, ray.d) else {
             counters.nesting_overflows += 1;
             return;
         };
-        if object.clear && behind.medium() == stack.medium() {
-            ray = through(&ray);
+        if let Some(instance) = crossing.mismatch {
+            counters.add_mismatch(instance);
+        }
+        let behind = crossing.behind;
+        if crossing.clear {
+            ray = Ray::leaving(point.p, ray.d, Some(point.id));
             passed = distance;
             stack = behind;
+            here = path.store_stack(&stack);
             continue;
+        }
+        let point = faces[crossing.met].point;
+        let object = scene.object(point.id.instance);
+        let entering = ray.d.dot(point.ng) < 0.0;
+        if let Some(sensor) = object.sensor {
+            if sensor == context.sensor && generate == Side::Camera {
+                record_sensor_hit(
+                    context, path, &point, ray.d, distance, &stack, &travel, throughput,
+                );
+            }
+            return;
         }
         if path.vertices.len() >= max_vertices {
             return;
@@ -138,12 +170,17 @@ pub fn walk(
         throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
         let geometric_cos = ray.d.dot(point.ng).abs();
         let own = travel.area_density(geometric_cos, distance * distance);
-        let (here, there) = (stack.region(), behind.region());
-        let regions = if entering {
-            [here, there]
+        // the stack behind is seldom another one, and long
+        let there = if changes_stack(&scene, faces) {
+            path.store_stack(&behind)
         } else {
-            [there, here]
+            here
         };
+        let (mut media, mut stacks) = ([stack.medium(), behind.medium()], [here, there]);
+        if !entering {
+            media.reverse();
+            stacks.reverse();
+        }
         let point = scene.shading_point(point);
         let index = path.vertices.len();
         if let (Some(light), Side::Light) = (object.light, generate) {
@@ -157,7 +194,7 @@ pub fn walk(
         scene.material(object.material).push_lobes(
             point.uv,
             &context.wavelengths,
-            &context.interface(&regions),
+            &context.interface(media),
             &mut path.lobes,
         );
         let lobes = &path.lobes[first_lobe..];
@@ -166,7 +203,8 @@ pub fn walk(
             ng: point.ng,
             frame: Frame::from_z(point.ns),
             id: point.id,
-            regions,
+            media,
+            stacks,
             toward_previous: -ray.d,
             distance,
             throughput,
@@ -216,6 +254,7 @@ pub fn walk(
         let vertex = &path.vertices[index];
         if (w.dot(vertex.ng) > 0.0) != (vertex.toward_previous.dot(vertex.ng) > 0.0) {
             stack = behind;
+            here = there;
         }
         travel = Departure::Scattered(EdgeDensity::with_lanes(
             sample.pdf,
@@ -225,6 +264,12 @@ pub fn walk(
         passed = 0.0;
         crossings = 0;
     }
+}
+
+/// Whether there are other solids behind the faces than before them.
+fn changes_stack(scene: &Scene, faces: &[Face]) -> bool {
+    let boundary = |face: &Face| scene.object(face.point.id.instance).boundary;
+    faces.iter().any(|face| boundary(face) != Boundary::None)
 }
 
 /// Stochastic alpha test: whether a walk goes straight on at a surface that covers only in part,

@@ -48,7 +48,7 @@ fn spread(job: &SensorJob, mut sample: impl FnMut((u32, u32))) {
     }
 }
 
-/// What the second of two runs over the same samples did.
+/// Counts of the second of two runs over the same samples.
 struct Run {
     allocations: u64,
     /// Samples with vertices whose densities differ between lanes.

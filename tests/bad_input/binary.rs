@@ -41,6 +41,7 @@ pub fn valid_part() -> Vec<u8> {
         height: 2,
         crop: [0, 0, 4, 2],
         channels: 3,
+        pilot: 0,
         passes: vec![part::PassRange {
             seed: 0,
             start: 0,
@@ -111,10 +112,10 @@ fn damaged_parts() {
             "there is more after the last sum",
         ),
         (with(0, b"x"), "no part file begins like this"),
-        (with(8, &[9]), "version 9, this program reads version 2"),
+        (with(8, &[9]), "version 9, this program reads version 3"),
         (
-            with(8, &[1]),
-            "version 1, this program reads version 2: render the passes again",
+            with(8, &[2]),
+            "version 2, this program reads version 3: render the passes again",
         ),
         (
             with(12, &[255; 4]),

@@ -1,5 +1,5 @@
-//! The reference of keys: the tables of `docs/scene-files.md` are those of `abbe keys`, and the JSON Schema accepts every
-//! scene there is and refuses what the reader does.
+//! The reference of keys: the tables of `docs/scene-files.md` are those of `abbe keys`, and the
+//! JSON Schema accepts every scene there is and refuses what the reader does.
 
 use abbe::io::scene_file::{parse_str, reference};
 use serde_json::Value;

@@ -265,12 +265,12 @@ fn images_that_claim_more_than_they_hold() {
     let glb = b.glb();
     let start = glb.len() - 8 - json["buffers"][0]["byteLength"].as_u64().expect("n") as usize + 8;
     let png = glb[start..start + view["byteLength"].as_u64().expect("n") as usize].to_vec();
-    assert!(image_file::decode(&png, true).is_ok());
-    assert!(image_file::decode(&png[..png.len() - 20], true).is_err());
+    assert!(image_file::decode(&png, image_file::Encoding::Srgb).is_ok());
+    assert!(image_file::decode(&png[..png.len() - 20], image_file::Encoding::Srgb).is_err());
     let mut huge = png.clone();
     huge[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
     // the checksum of the header is wrong as well: either is said
-    assert!(image_file::decode(&huge, true).is_err());
+    assert!(image_file::decode(&huge, image_file::Encoding::Srgb).is_err());
 }
 
 /// A triangle with a morph target that two joints bend, all animated.

@@ -2,11 +2,13 @@
 
 use super::binary::{valid_exr, valid_part};
 use super::models::{valid_animated_glb, valid_glb};
+use abbe::io::image_file;
 use abbe::math::hash::random_bits;
 
 const MUTATIONS: u64 = 20_000;
 
-/// Mutation `index` of `valid`: bytes changed, cut out, repeated or replaced by pieces of `dictionary`.
+/// Mutation `index` of `valid`: bytes changed, cut out, repeated or replaced by pieces of
+/// `dictionary`.
 fn mutate(valid: &[u8], index: u64, dictionary: &[&[u8]]) -> Vec<u8> {
     let mut bytes = valid.to_vec();
     let mut counter = 0;
@@ -138,7 +140,7 @@ fn models_of_text() {
     ];
     run(obj, &dictionary, abbe::io::mtl::fuzz_model);
     run(obj, &dictionary, abbe::io::obj::fuzz_obj);
-    let mtl = b"newmtl a\nKd 1 0 0\nKe 1 1 1\nKs 1 1 1\nNs 20\nNi 1.5\nd 0.5\nillum 4\nPr 0.5\nPm 1\nmap_Kd -s 1 1 1 a.png\nnorm b.png\nTr 0.2\n";
+    let mtl = b"newmtl a # x\nKd 1 \\\n 0 0\nKe 1 1 1\nKs 1 1 1\nNs 20\nNi 1.5\nd 0.5\nillum 4\nPr 0.5\nPm 1\nmap_Kd -s 1 1 1 a.png\nnorm b.png\nTr 0.2\n";
     run(mtl, &dictionary, abbe::io::mtl::fuzz_mtl);
 }
 
@@ -180,6 +182,12 @@ fn ply() {
     ];
     let ascii = format!("ply\nformat ascii 1.0\n{header}0 0 0 1 5\n1 0 0 0\n0 1 0 0\n3 0 1 2\n");
     run(ascii.as_bytes(), &dictionary, abbe::io::ply::fuzz_ply);
+    let strips = "element vertex 4\nproperty double x\nproperty double y\nproperty double z\nelement tristrips 1\n\
+                  property list int int vertex_indices\nelement face 1\nproperty list uchar int vertex_indices\n\
+                  property list uchar float texcoord\nend_header\n";
+    let body = "0 0 0\n1 0 0\n0 1 0\n1 1 0\n8 0 1 2 3 -1 0 1 2\n3 0 1 2 6 0 0 1 0 1 1\n";
+    let ascii = format!("ply\nformat ascii 1.0\n{strips}{body}");
+    run(ascii.as_bytes(), &dictionary, abbe::io::ply::fuzz_ply);
     let mut binary = format!("ply\nformat binary_little_endian 1.0\n{header}").into_bytes();
     for p in [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
         binary.extend(p.iter().flat_map(|v| v.to_le_bytes()));
@@ -213,4 +221,24 @@ fn textures() {
         abbe::io::image_file::fuzz_image,
     );
     run(&valid_exr(), &dictionary, abbe::io::image_file::fuzz_image);
+    // a JPEG with a profile: a segment after its first marker
+    let profile = moxcms::ColorProfile::new_display_p3()
+        .encode()
+        .expect("encodes");
+    let mut profiled = b"\xff\xd8\xff\xe2".to_vec();
+    profiled.extend((profile.len() as u16 + 16).to_be_bytes());
+    profiled.extend(b"ICC_PROFILE\0\x01\x01");
+    profiled.extend(profile);
+    profiled.extend(&include_bytes!("tiny.jpg")[2..]);
+    let scans = include_bytes!("../models/cases/damaged/jpeg_scan_per_component.jpg");
+    let mut picture = b"#?RADIANCE\nEXPOSURE=2\nPRIMARIES=.64 .33 .29 .6 .15 .06 .333 .333\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 8\n".to_vec();
+    for _ in 0..2 {
+        picture.extend([
+            2, 2, 0, 8, 136, 128, 8, 1, 2, 3, 4, 5, 6, 7, 8, 136, 0, 136, 129,
+        ]);
+    }
+    for valid in [&profiled[..], scans, &picture] {
+        assert!(image_file::decode(valid, image_file::Encoding::Stated).is_ok());
+        run(valid, &dictionary, image_file::fuzz_image);
+    }
 }

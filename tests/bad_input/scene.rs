@@ -1,4 +1,5 @@
-//! `cases/NAME.toml` must give exactly the messages of `cases/NAME.txt` (one per line). `UPDATE_GOLDEN=1` writes the latter.
+//! `cases/NAME.toml` must give exactly the messages of `cases/NAME.txt` (one per line).
+//! `UPDATE_GOLDEN=1` writes the latter.
 
 use abbe::io::scene_file::read_str;
 use std::fs;
@@ -101,6 +102,14 @@ fn overrides_say_which_one_is_wrong() {
             "--set render..spp=1: the key has an empty part (allowed: names and indices joined by dots)",
         ),
         (
+            &["a"; 33].join("."),
+            "1",
+            &format!(
+                "--set {}=1: the key has 33 parts (allowed: at most 32)",
+                ["a"; 33].join(".")
+            ),
+        ),
+        (
             "unit.x",
             "1",
             "--set unit.x=1: \"x\" cannot be set inside a value of type string",
@@ -123,7 +132,7 @@ fn a_scene_file_above_the_limit_is_not_read() {
     let p = path.display();
     assert_eq!(
         text,
-        format!("{p}: file \"{p}\" has 16777217 bytes (allowed: at most 16777216)")
+        format!("{p}: 16777217 bytes (allowed: at most 16777216)")
     );
 }
 

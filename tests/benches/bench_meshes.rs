@@ -90,8 +90,8 @@ fn torus(path: &Path) -> io::Result<()> {
     out.flush()
 }
 
-/// Radius 1 + 0.05 sin 12θ sin 16φ + 0.01 sin 60θ sin 80φ; θ from +y, φ from +x to +z; 501 rows, 1000 columns, poles
-/// of one vertex each: about a million flat triangles.
+/// Radius 1 + 0.05 sin 12θ sin 16φ + 0.01 sin 60θ sin 80φ; θ from +y, φ from +x to +z; 501 rows,
+/// 1000 columns, poles of one vertex each: about a million flat triangles.
 fn bumpy_sphere(path: &Path) -> io::Result<()> {
     let (rows, columns) = (501, 1000);
     let mut out = BufWriter::new(File::create(path)?);

@@ -1,8 +1,10 @@
-//! What motion costs per ray: the same rays, in the space of the thing, against a thing at rest, one that moves rigidly, and one that
-//! changes its form.
+//! Cost of motion per ray: the same rays, in the space of the thing, against a thing at rest, one
+//! that moves rigidly, and one that changes its form.
 //!
-//! A sphere of 39,600 triangles with edges of about 0.03. Rays are chords between random points of a sphere about it, at random
-//! times, [`PATH`] after one another at the same time like those of a path. Deforming: all vertices go the same way, by half an edge, 5 and 25 edges. Run on one thread.
+//! A sphere of 39,600 triangles with edges of about 0.03. Rays are chords between random points of
+//! a sphere about it, at random times, [`PATH`] after one another at the same time like those of a
+//! path. Deforming: all vertices go the same way, by half an edge, 5 and 25 edges. Run on one
+//! thread.
 
 use abbe::geometry::deforming::{self, KeyFrame};
 use abbe::geometry::pose::{Pose, Rotation};
@@ -201,8 +203,8 @@ fn sphere_spins_and_slides(bencher: Bencher) {
     );
 }
 
-/// Time of the second against that of the first, run in turns so that what else the machine does meets both: the median and the
-/// range that holds it with 95 %.
+/// Time of the second against that of the first, run in turns so that what else the machine does
+/// meets both: the median and the range that holds it with 95 %.
 #[expect(clippy::print_stdout, reason = "the output of a benchmark")]
 fn compare(name: &str, rest: &(Accel, Vec<Timed>), moving: &(Accel, Vec<Timed>)) {
     const PAIRS: usize = 1001;

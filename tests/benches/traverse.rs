@@ -1,7 +1,9 @@
-//! Rays per second through the two-level tree: one instance of a bumpy sphere of a million triangles.
+//! Rays per second through the two-level tree: one instance of a bumpy sphere of a million
+//! triangles.
 //!
-//! `diffuse_bounces`: from random surface points, cosine-distributed outward, shuffled. `chords`: between random points
-//! of the sphere that bounds the mesh. `camera`: coherent rays from outside. Run on one thread.
+//! `diffuse_bounces`: from random surface points, cosine-distributed outward, shuffled. `chords`:
+//! between random points of the sphere that bounds the mesh. `camera`: coherent rays from outside.
+//! Run on one thread.
 
 use abbe::geometry::{Accel, AreaSampler, Instance, InstanceId, Mesh, Ray, Shape, Transform};
 use abbe::math::hash;
@@ -24,7 +26,8 @@ static SCENE: LazyLock<Accel> = LazyLock::new(|| {
     Accel::build(vec![instance])
 });
 
-/// Radius 1 + 0.05 sin(12 θ) sin(16 φ) + 0.01 sin(60 θ) sin(80 φ), with single vertices at the poles.
+/// Radius 1 + 0.05 sin(12 θ) sin(16 φ) + 0.01 sin(60 θ) sin(80 φ), with single vertices at the
+/// poles.
 fn bumpy_sphere(rows: u32, columns: u32) -> Mesh {
     let vertex = |row: u32, column: u32| {
         let theta = PI * f64::from(row) / f64::from(rows);

@@ -1,4 +1,4 @@
-//! What images and renders are measured by: bands, bias, tables of path classes.
+//! Measures of images and renders:bands, bias, tables of path classes.
 
 use super::{SCENE, bytes, fail, folder, json, succeed, text};
 

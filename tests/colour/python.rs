@@ -1,6 +1,8 @@
-//! The Python environment of these tests, made once in the target folder (`requirements.txt` pins versions and hashes).
+//! The Python environment of these tests, made once in the target folder (`requirements.txt` pins
+//! versions and hashes).
 //!
-//! Without Python 3 or network a test fails; `ABBE_SKIP_PYTHON=1` skips it. `PYTHON` names another interpreter.
+//! Without Python 3 or network a test fails; `ABBE_SKIP_PYTHON=1` skips it. `PYTHON` names another
+//! interpreter.
 
 use serde_json::Value;
 use std::fs::{self, File};
@@ -29,7 +31,8 @@ pub fn python() -> Option<PathBuf> {
     };
     let (python, complete) = (folder.join(python), folder.join(".complete"));
     fs::create_dir_all(place).unwrap();
-    // Tests run in parallel, in threads and in processes: one makes the environment, the others wait.
+    // Tests run in parallel, in threads and in processes: one makes the environment, the others
+    // wait.
     let lock = File::create(place.join("venv.lock")).unwrap();
     lock.lock().unwrap();
     // (an interpreter that is gone leaves a dangling link)
@@ -63,7 +66,7 @@ fn run(command: &mut Command) {
     }
 }
 
-/// What check.py says of the cases, one answer each.
+/// Answers of check.py to the cases, one each.
 pub fn check(python: &Path, cases: &[Value]) -> Vec<Value> {
     let input = serde_json::to_vec(cases).unwrap();
     let text = run_script(python, "check.py", &[], &input);

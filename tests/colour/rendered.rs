@@ -1,4 +1,5 @@
-//! Renders scenes whose radiance is known to the last digit: what is left is the noise of the wavelengths.
+//! Renders scenes whose radiance is known to the last digit: what is left is the noise of the
+//! wavelengths.
 
 use abbe::film::{Crop, Film};
 use abbe::io::scene_file::parse_str;
@@ -8,7 +9,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What a render gave, as means over the passes.
+/// Result of a render, as means over the passes.
 pub struct Rendered {
     /// Columns.
     pub width: usize,
@@ -69,8 +70,8 @@ pub fn settings(spp: u32) -> String {
     )
 }
 
-/// A parallel light at 45 degrees under which a perfect white diffuser, seen along -z, has the luminance 1: the one
-/// connection to it is exact.
+/// A parallel light at 45 degrees under which a perfect white diffuser, seen along -z, has the
+/// luminance 1: the one connection to it is exact.
 pub fn lamp(spectrum: &str) -> String {
     let y = std::f64::consts::PI * std::f64::consts::SQRT_2;
     format!(

@@ -55,7 +55,8 @@ fn equal_energy_is_one_in_every_bin() {
             let first = range[0] + WIDTH_NM * i as f64;
             let density = [0.01, 0.5, 0.99].map(|t| distribution.density(first + t * WIDTH_NM));
             let least = density.into_iter().fold(f64::INFINITY, f64::min);
-            // two halves of four lanes each miss or gain up to one sample at both ends, 1.6 altogether (standard deviation)
+            // two halves of four lanes each miss or gain up to one sample at both ends, 1.6
+            // altogether (standard deviation)
             let tolerance = 8.0 / (samples * least * WIDTH_NM);
             assert!(
                 (value - 1.0).abs() < tolerance,

@@ -1,7 +1,9 @@
-//! `abbe cost`: its tables, its page and its numbers agree; it goes on where it was stopped; the page asks for nothing.
+//! `abbe cost`: its tables, its page and its numbers agree; it goes on where it was stopped; the
+//! page asks for nothing.
 //!
-//! One small report is made and looked at from all sides. An independent Python script (numpy and the reference OpenEXR library)
-//! recomputes its errors; a Chromium, where there is one (`ABBE_CHROMIUM` or a known name), shows the page.
+//! One small report is made and looked at from all sides. An independent Python script (numpy and
+//! the reference OpenEXR library) recomputes its errors; a Chromium, where there is one
+//! (`ABBE_CHROMIUM` or a known name), shows the page.
 
 #![allow(
     clippy::unwrap_used,
@@ -21,8 +23,8 @@ use std::process::{Command, Output};
 use std::sync::LazyLock;
 use tempfile::TempDir;
 
-/// Dispersion, motion, a smooth ball: every effect that a report leaves out in turn. Cones are wide, so that a few passes
-/// join paths at the ball.
+/// Dispersion, motion, a smooth ball: every effect that a report leaves out in turn. Cones are
+/// wide, so that a few passes join paths at the ball.
 const SCENE: &str = r#"
 [render]
 max_depth = 4

@@ -1,5 +1,5 @@
-//! The spectrum on a detector: white light through a plate of colored glass, and the transmittance that the plate has by Fresnel
-//! and Beer-Lambert.
+//! The spectrum on a detector: white light through a plate of colored glass, and the transmittance
+//! that the plate has by Fresnel and Beer-Lambert.
 //!
 //!     cargo run --release --example detector_spectrum
 
@@ -31,7 +31,8 @@ fn absorption() -> Curve {
     Curve::table(&[400.0, 550.0, 650.0, 700.0], &[900.0, 600.0, 30.0, 10.0])
 }
 
-/// Mean irradiance per nanometer in each bin behind the plate, W/(m² nm), and the centers of the bins.
+/// Mean irradiance per nanometer in each bin behind the plate, W/(m² nm), and the centers of the
+/// bins.
 fn measured() -> Result<Vec<(f64, f64)>, Box<dyn Error>> {
     let mut scene = SceneBuilder::new();
     let glass = scene.medium(Medium {
@@ -111,8 +112,9 @@ mod tests {
             // Simpson's rule over the bin: the curves are nearly straight in it
             let at = |share: f64| transmittance(nm + share * half);
             let expected = (at(-1.0) + 4.0 * at(0.0) + at(1.0)) / 6.0;
-            // of n lanes that land in the bin, each passes both faces or not: the relative error of the mean is at most
-            // √((1 − T₀)/(T₀ n)) with T₀ = 0.92 of the clear plate; 5 of them, and 1 % for the kinks of the table
+            // of n lanes that land in the bin, each passes both faces or not: the relative error of
+            // the mean is at most √((1 − T₀)/(T₀ n)) with T₀ = 0.92 of the clear plate; 5 of them,
+            // and 1 % for the kinks of the table
             let lanes = f64::from(PIXELS * PIXELS * PASSES * 4) / BINS as f64;
             let tolerance = 5.0 * (0.08 / 0.92 / lanes).sqrt() + 0.01;
             assert!(

@@ -1,4 +1,5 @@
-//! A sweep over glasses: how far a prism of each bends the lines C, d and F, and how that agrees with Snell's law.
+//! A sweep over glasses: how far a prism of each bends the lines C, d and F, and how that agrees
+//! with Snell's law.
 //!
 //!     cargo run --release --example glass_sweep
 
@@ -169,7 +170,8 @@ mod tests {
             let found = measured(glass).expect("renders");
             let expected = expected(glass).expect("a glass of the library");
             for (found, expected) in found.iter().zip(expected) {
-                // the ray leaves within half a side of the origin; a column is 0.8 mm wide, less than the other half
+                // the ray leaves within half a side of the origin; a column is 0.8 mm wide, less
+                // than the other half
                 let tolerance = SIDE / DISTANCE;
                 assert!(
                     (found - expected).abs() < tolerance,

@@ -1,4 +1,5 @@
-//! A stop rule of one's own: passes are added until the noise of one object is small, whatever that of the rest.
+//! A stop rule of one's own: passes are added until the noise of one object is small, whatever that
+//! of the rest.
 //!
 //!     cargo run --release --example stop_rule
 
@@ -46,7 +47,8 @@ fn scene() -> Result<Scene, Box<dyn Error>> {
     Ok(scene.build()?)
 }
 
-/// Noise of Y over the ball, relative to its mean; `None` before both halves of the passes have some.
+/// Noise of Y over the ball, relative to its mean; `None` before both halves of the passes have
+/// some.
 fn noise(render: &Render) -> Option<f64> {
     let [even, odd] = render.pass_counts();
     let noise = render.outputs().image.noise(1, even, odd)?;

@@ -69,7 +69,8 @@ fn leaving_inward_hits_the_far_side_of_a_solid() {
     let mut random = Random::new(12);
     let solids = [Shape::Sphere, Shape::Box, ball(3)];
     for map in placements(&mut random) {
-        // Where the shape is a millionth of its distance, its far side is known to 1e-4 of its size only.
+        // Where the shape is a millionth of its distance, its far side is known to 1e-4 of its size
+        // only.
         let size = map.matrix3.x_axis.length();
         let blur = 1e-13 * (1.0 + map.translation.length() / size) + 1e-6;
         for shape in &solids {

@@ -92,7 +92,8 @@ fn slivers_leave_no_gap() {
     }
 }
 
-/// Triangles without area are dropped and never drawn as light; vertices that are not numbers are refused.
+/// Triangles without area are dropped and never drawn as light; vertices that are not numbers are
+/// refused.
 #[test]
 fn triangles_without_area_or_numbers() {
     let corners = [

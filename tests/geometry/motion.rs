@@ -1,5 +1,5 @@
-//! Trees over moving and deforming things against brute force over all triangles at the time of the ray: no hit is missed,
-//! and none is found that is not there.
+//! Trees over moving and deforming things against brute force over all triangles at the time of the
+//! ray: no hit is missed, and none is found that is not there.
 
 use super::support::{Random, icosphere};
 use abbe::geometry::deforming::{self, KeyFrame};
@@ -73,7 +73,8 @@ fn ball() -> Shape {
     Shape::Mesh(Arc::new(super::support::mesh(&points, &faces)))
 }
 
-/// 320 triangles that swing about: the sphere drifts along, swells and is sheared, in frames of unequal distance.
+/// 320 triangles that swing about: the sphere drifts along, swells and is sheared, in frames of
+/// unequal distance.
 fn jelly(random: &mut Random, sweep: f64) -> Shape {
     let (points, faces) = icosphere(1);
     let frames: Vec<_> = [-3.0, -0.1, 0.2, 0.7, 2.0]

@@ -6,7 +6,8 @@ use abbe::math::predicates::TriangleRay;
 use glam::{DAffine3, DVec3, Vec3, dvec3};
 use std::sync::Arc;
 
-/// Rays at vertices, edges and inner points of the faces turned toward the origin of the ray; counts misses.
+/// Rays at vertices, edges and inner points of the faces turned toward the origin of the ray;
+/// counts misses.
 fn misses(accel: &Accel, distance: f64, n: usize, random: &mut Random) -> usize {
     let instance = &accel.instances()[0];
     let Shape::Mesh(mesh) = &instance.shape else {

@@ -1,5 +1,5 @@
-//! Prescriptions, rays and coatings against optiland, ray-optics and tmm (numbers frozen by `freeze.py` and
-//! `freeze_rays.py`), and hostile lens files.
+//! Prescriptions, rays and coatings against optiland, ray-optics and tmm (numbers frozen by
+//! `freeze.py` and `freeze_rays.py`), and hostile lens files.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -142,7 +142,8 @@ fn coatings_are_those_of_tmm() {
             );
             let (r, t) = (row[key][0].as_f64().unwrap(), row[key][1].as_f64().unwrap());
             assert!((response.r - r).abs() < 1e-10, "{row} {response:?}");
-            // into a metal tmm counts the power of the crossed terms of p too: only reflection is compared there
+            // into a metal tmm counts the power of the crossed terms of p too: only reflection is
+            // compared there
             if substrate.im == 0.0 {
                 assert!((response.t - t).abs() < 1e-10, "{row} {response:?}");
             }

@@ -1,5 +1,5 @@
-//! Animated models: nodes go where the same motions of a scene file take them, bones bend and morph targets blend what hangs on
-//! them, at every time of the shutter.
+//! Animated models: nodes go where the same motions of a scene file take them, bones bend and morph
+//! targets blend what hangs on them, at every time of the shutter.
 
 use super::gltf::Builder;
 use super::harness::{Estimate, line_images, mean, scene_in};
@@ -77,7 +77,7 @@ fn arm() -> Builder {
         &[[1.0, 1.0, 1.0], [0.5, 1.0, 1.5]],
     );
     b.root.insert("cameras".into(), json!([{ "type": "perspective", "perspective": { "yfov": 0.7, "aspectRatio": 1, "znear": 0.1 } }]));
-    b.root.insert("extensions".into(), json!({ "KHR_lights_punctual": { "lights": [{ "type": "spot", "intensity": 683, "spot": { "outerConeAngle": 1.0 } }] } }));
+    b.root.insert("extensions".into(), json!({ "KHR_lights_punctual": { "lights": [{ "type": "spot", "intensity": 683, "spot": { "innerConeAngle": 1.0, "outerConeAngle": 1.0 } }] } }));
     b.root.insert("scenes".into(), json!([{ "nodes": [1, 2] }]));
     b
 }
@@ -116,7 +116,7 @@ motion = [
     {turning}, {lifted},
 ]
 [[light]]
-spot = {{ position = [1, 2, 3], direction = [0, 0, -1], outer_deg = 57.295779513082323, inner_deg = 1e-9, intensity = {{ rgb = [1, 1, 1], scale = {scale} }} }}
+spot = {{ position = [1, 2, 3], direction = [0, 0, -1], outer_deg = 57.295779513082323, inner_deg = 57.295779513082323, intensity = {{ rgb = [1, 1, 1], scale = {scale} }} }}
 motion = [{turning}, {lifted}]
 "#
     );
@@ -154,7 +154,8 @@ motion = [{turning}, {lifted}]
     };
     let (x, y) = (picture(&file), picture(&toml.0));
     assert!(y.error < 0.02 * y.mean, "{y:?}");
-    // the same random numbers: all that differs is which texels of the film f32 moves across an edge
+    // the same random numbers: all that differs is which texels of the film f32 moves across an
+    // edge
     assert!((x.mean / y.mean - 1.0).abs() < 2e-3, "{x:?} {y:?}");
 }
 
@@ -243,7 +244,8 @@ fn two_bones_bend_what_hangs_on_them() {
             let bent = DVec3::Y + bend * (p - DVec3::Y);
             p.lerp(bent, w) + dvec3(3.0, 0.0, 1.0)
         };
-        // lines instead of arcs: a ten-thousandth of the mesh, whose diagonal is 2.59 as the shutter opens
+        // lines instead of arcs: a ten-thousandth of the mesh, whose diagonal is 2.59 as the
+        // shutter opens
         assert_vertices(&scene.accel.instances()[0], t, &rest, 2.59e-4, at);
     }
     // at a moment it is an ordinary mesh

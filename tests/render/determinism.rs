@@ -1,4 +1,5 @@
-//! The same numbers for any number of threads, any order of pixels, any split into passes, and any crop.
+//! The same numbers for any number of threads, any order of pixels, any split into passes, and any
+//! crop.
 
 #![allow(
     clippy::unwrap_used,
@@ -9,9 +10,9 @@
 use super::harness::{Estimate, full_crop, scene, with};
 use abbe::film::{Crop, Film};
 use abbe::integrator::{SensorJob, Workspace, sample_pixel};
-use abbe::io::part::{Part, PartHeader, PassRange, merge, read, write};
+use abbe::io::part::{self, Part, PartHeader, PassRange, merge, read, write};
 use abbe::math::hash::combine;
-use abbe::render::{OutputRequest, Render};
+use abbe::render::{OutputRequest, Render, Session, SessionOptions};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Path};
 use abbe::scene::{Scene, Settings};
 use abbe::transport::Target;
@@ -82,7 +83,9 @@ fn any_order_of_pixels_gives_the_same_bytes() {
     let crop = full_crop(&scene);
     let request = OutputRequest::default();
     let render = Render::new(&scene, 0, &settings, crop, &request);
-    let frame = SensorJob::new(&scene, 0, &settings, &crop, false);
+    let mut frame = SensorJob::new(&scene, 0, &settings, &crop, false);
+    frame.strategies.factors = render.factors().map(|found| &found.factors);
+    assert!(frame.strategies.factors.is_some());
     let film = Film::new(crop, scene.sensors[0].filter, 3);
     let mut workspace = Workspace::default();
     // backwards, the passes too, and splats after the pixel's own sum
@@ -131,6 +134,7 @@ fn merged_parts_equal_one_run() {
             height: crop.y1,
             crop: [crop.x0, crop.y0, crop.x1, crop.y1],
             channels: 3,
+            pilot: 0,
             image: BTreeMap::new(),
             passes: vec![range],
         };
@@ -154,6 +158,52 @@ fn merged_parts_equal_one_run() {
     (3..8).for_each(|pass| render.add_pass(pass));
     assert!(render.outputs().image.sums() == whole.sums);
     assert_eq!(render.pass_counts(), [4, 4]);
+}
+
+#[test]
+fn a_resumed_render_keeps_the_weights_of_its_part() {
+    let (scene, settings) = scene(SCENE);
+    // 8 samples have a shorter pilot than 32
+    let [short, long] = [8, 32].map(|spp| Settings {
+        spp,
+        ..settings.clone()
+    });
+    let session = |settings: &Settings, passes: Range<u32>| {
+        let options = SessionOptions {
+            passes: Some(passes),
+            ..SessionOptions::default()
+        };
+        Session::new(Arc::clone(&scene), settings, options).unwrap()
+    };
+    let rendered = |settings: &Settings, passes: Range<u32>| {
+        let mut session = session(settings, passes);
+        session.run();
+        let render = session.render();
+        part::of(&render)
+    };
+    let (first, whole) = (rendered(&short, 0..2), rendered(&short, 0..4));
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("first.part");
+    write(&file, &first).unwrap();
+    let mut resumed = session(&long, 0..4);
+    part::resume(&mut resumed, &file).unwrap();
+    resumed.run();
+    assert!(part::of(&resumed.render()) == whole);
+    assert!(rendered(&long, 0..4).sums != whole.sums, "pilots agree");
+    // passes with other weights are no parts of it
+    let other = rendered(&long, 2..4);
+    let message = merge([first.clone(), other]).unwrap_err().to_string();
+    assert_eq!(message, "parts differ in passes of the pilot: 1 and 4");
+    // a pilot that no render has
+    let mut damaged = first;
+    damaged.header.pilot = 1_000_000;
+    write(&file, &damaged).unwrap();
+    let message = part::resume(&mut session(&long, 0..4), &file).unwrap_err();
+    let expected = format!(
+        "{}: cannot resume: it names a pilot of 1000000 passes",
+        file.display()
+    );
+    assert_eq!(message.to_string(), expected);
 }
 
 const PART: Crop = Crop {

@@ -1,8 +1,9 @@
 //! path = light = bdpt, in total and per path class, and every strategy alone.
 //!
-//! A comparison resolves 0.15 % of the mean unless its scene says otherwise and fails beyond 4.5 standard errors of the difference
-//! (p = 7e-6 each; with the fewer than 60 comparisons here p = 4e-4 for the family). Every scene also shows that a 2 % error in
-//! the weight of its main strategy would have been seen.
+//! A comparison resolves 0.15 % of the mean unless its scene says otherwise and fails beyond 4.5
+//! standard errors of the difference (p = 7e-6 each; with the fewer than 60 comparisons here p =
+//! 4e-4 for the family). Every scene also shows that a 2 % error in the weight of its main strategy
+//! would have been seen.
 
 use super::harness::{Estimate, Measured, measure, scene, test_scale, with};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
@@ -16,8 +17,8 @@ pub struct Case {
     /// Passes of path, light, bdpt.
     pub passes: [u32; 3],
     pub classes: &'static [&'static str],
-    /// The camera sees mirrors or smooth glass, in which light tracing shows nothing: of its image, classes are compared that
-    /// reach the camera from a rough surface.
+    /// The camera sees mirrors or smooth glass, in which light tracing shows nothing: of its image,
+    /// classes are compared that reach the camera from a rough surface.
     pub specular_in_view: bool,
     /// Largest standard error of a difference, as a share of the mean.
     pub resolution: f64,
@@ -124,9 +125,10 @@ pub fn run(case: &Case) -> (Arc<Scene>, Settings, Measured) {
 
 /// Every strategy alone, unweighted, estimates the same number for a class.
 ///
-/// A pair of inner vertices that nearly touch contributes without bound (1/d²), so the spread of a few batches says too little
-/// about strategies s, t >= 2: they get 3 % of the mean beside their standard error. Where a class has light that camera paths
-/// cannot hit, s = 0 misses it by design and is left out.
+/// A pair of inner vertices that nearly touch contributes without bound (1/d²), so the spread of a
+/// few batches says too little about strategies s, t >= 2: they get 3 % of the mean beside their
+/// standard error. Where a class has light that camera paths cannot hit, s = 0 misses it by design
+/// and is left out.
 fn strategies_agree(name: &str, bdpt: &Measured, has_delta_lights: bool) {
     let known: Vec<_> = bdpt
         .strategies
@@ -286,7 +288,7 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [400, 150, 160],
+        passes: [800, 150, 320],
         classes: &["LDE", "LDDE", "LDSSE"],
         specular_in_view: true,
         resolution: 2.5e-3,
@@ -336,7 +338,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [300, 150, 120],
+        passes: [100, 60, 40],
         classes: &["LDE", "LDDE", "LDSE", "LSDE"],
         specular_in_view: true,
         resolution: 2e-3,
@@ -410,7 +412,7 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [300, 0, 80],
+        passes: [960, 0, 256],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2.5e-3,

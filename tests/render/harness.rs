@@ -44,7 +44,8 @@ impl Estimate {
         (self.mean - other.mean).abs() / self.error.hypot(other.error)
     }
 
-    /// Fails if the estimate is more than 4.5 standard errors from an exact value (p = 7e-6), or too coarse to tell.
+    /// Fails if the estimate is more than 4.5 standard errors from an exact value (p = 7e-6), or
+    /// too coarse to tell.
     pub fn assert_is(&self, what: &str, expected: f64, resolution: f64) {
         println!(
             "{what}: {:.6} for {expected:.6}, standard error {:.1e} of it",
@@ -96,7 +97,7 @@ pub fn full_crop(scene: &Scene) -> Crop {
     scene.sensors[0].whole_film()
 }
 
-/// What one series of batches measured.
+/// Measurement of one series of batches.
 #[derive(Debug)]
 pub struct Measured {
     /// Mean of Y over the film.
@@ -233,7 +234,8 @@ pub fn with(settings: &Settings, integrator: IntegratorKind) -> Settings {
     }
 }
 
-/// Independent images of one sensor, `[batch][line][pixel]`: the power of each of the scene's emission lines, ascending.
+/// Independent images of one sensor, `[batch][line][pixel]`: the power of each of the scene's
+/// emission lines, ascending.
 pub fn line_images(
     scene: &Arc<Scene>,
     sensor: usize,

@@ -1,6 +1,7 @@
 //! The number of wavelengths per path changes the noise, never the mean.
 //!
-//! X, Y and Z of 1, 4 and 8 lanes are compared pairwise: 45 comparisons at 4.5 standard errors (p = 7e-6 each, 3e-4 for the family).
+//! X, Y and Z of 1, 4 and 8 lanes are compared pairwise: 45 comparisons at 4.5 standard errors (p =
+//! 7e-6 each, 3e-4 for the family).
 
 #![allow(
     clippy::unwrap_used,
@@ -52,7 +53,8 @@ fn channel(images: &[Vec<f64>], c: usize) -> Estimate {
     Estimate::from_batches(&images.iter().map(mean).collect::<Vec<_>>())
 }
 
-/// `passes` for 1, 4 and 8 lanes; `resolution`: largest standard error of a difference, as a share of the mean.
+/// `passes` for 1, 4 and 8 lanes; `resolution`: largest standard error of a difference, as a share
+/// of the mean.
 fn agree(name: &str, text: &str, passes: [u32; 3], resolution: f64) {
     let (scene, settings) = scene(text);
     let found: Vec<[Estimate; 3]> = [1, 4, 8]
@@ -190,7 +192,8 @@ fn four_lanes_have_far_less_chroma_noise_than_one() {
     let scene = Arc::new(Scene::build(loaded.description).unwrap());
     let [one, four] =
         [1, 4].map(|lanes| chroma_variance(&images(&scene, &loaded.settings, lanes, 8, 16)));
-    // the median pixel: the few that see a caustic through the dispersive ball have one lane whatever was asked for
+    // the median pixel: the few that see a caustic through the dispersive ball have one lane
+    // whatever was asked for
     let mut ratios: Vec<f64> = one
         .iter()
         .zip(&four)

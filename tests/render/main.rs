@@ -1,4 +1,5 @@
-//! Whole renders of small scenes: integrators against each other, against closed forms, and against themselves.
+//! Whole renders of small scenes: integrators against each other, against closed forms, and against
+//! themselves.
 
 #![allow(
     clippy::print_stdout,
@@ -10,7 +11,9 @@ mod gltf;
 
 mod aims;
 mod animated;
+mod cases;
 mod closed_forms;
+mod contact;
 mod determinism;
 mod equality;
 mod hard_cases;
@@ -22,3 +25,4 @@ mod motion;
 mod regularized;
 mod scale;
 mod session;
+mod weights;

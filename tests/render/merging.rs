@@ -1,8 +1,9 @@
-//! Photon merging: the mean of bidirectional path tracing, by every mode and every technique alone; what it finds that nothing else
-//! does; and the bands it draws.
+//! Photon merging: the mean of bidirectional path tracing, by every mode and every technique alone;
+//! what it finds that nothing else does; and the bands it draws.
 //!
-//! Merging is biased by its radius: on the mean of a film by what the disc of radius r covers beyond the edges of a surface. Radii
-//! here are chosen so that this stays below `BIAS`, which comes on top of 4.5 standard errors (p = 7e-6 each).
+//! Merging is biased by its radius: on the mean of a film by what the disc of radius r covers
+//! beyond the edges of a surface. Radii here are chosen so that this stays below `BIAS`, which
+//! comes on top of 4.5 standard errors (p = 7e-6 each).
 
 use super::harness::{Estimate, Measured, full_crop, measure, scene, test_scale, with};
 use abbe::film::Crop;
@@ -140,7 +141,8 @@ fn run(
     )
 }
 
-/// Every class that merging makes, by each of its merges alone, is what another technique makes of it alone.
+/// Every class that merging makes, by each of its merges alone, is what another technique makes of
+/// it alone.
 fn merges_agree_alone(what: &str, vcm: &Measured) {
     let mut compared = 0;
     for ((class, s, t), (raw, _)) in &vcm.strategies {
@@ -337,7 +339,8 @@ fn square_errors(
             .zip(reference)
             .map(square)
             .collect();
-        // without the worst hundredth of the pixels: single photons that weigh much decide their mean
+        // without the worst hundredth of the pixels: single photons that weigh much decide their
+        // mean
         squares.sort_by(f64::total_cmp);
         squares.truncate(squares.len() - squares.len() / 100);
         errors.push(squares.iter().sum::<f64>() / squares.len() as f64);
@@ -352,15 +355,17 @@ fn the_error_falls_with_passes() {
     let vcm = with(&settings, Vcm);
     let few = square_errors(&scene, &vcm, (2, 4), &reference).mean;
     let many = square_errors(&scene, &vcm, (64, 4), &reference).mean;
-    // the variance of strategies that merge nothing falls 32-fold, that of merging 32^(2/3) = 10-fold
+    // the variance of strategies that merge nothing falls 32-fold, that of merging 32^(2/3) =
+    // 10-fold
     println!(
         "mean square error {few:.3e} after 2 passes, {many:.3e} after 64: {:.1}-fold",
         few / many
     );
     assert!(few / many > 8.0, "{few} and {many}");
 
-    // with merging alone both shares fall as N^(-2/3): the variance by the mean of r^(-2) over N, the squared bias by the square
-    // of the mean of r^2. For finite N the sums themselves say how fast.
+    // with merging alone both shares fall as N^(-2/3): the variance by the mean of r^(-2) over N,
+    // the squared bias by the square of the mean of r^2. For finite N the sums themselves say how
+    // fast.
     settings.merging.radius = Some(0.1);
     settings.integrator = Ppm;
     let mean = |passes: u32, power: f64| {
@@ -372,8 +377,8 @@ fn the_error_falls_with_passes() {
     let span = f64::ln(96.0 / 6.0);
     let slope = |few: f64, many: f64| (many / few).ln() / span;
     let expected = [slope(variance(6), variance(96)), slope(bias(6), bias(96))];
-    let few = square_errors(&scene, &settings, (6, 96), &reference);
-    let many = square_errors(&scene, &settings, (96, 16), &reference);
+    let few = square_errors(&scene, &settings, (6, 32), &reference);
+    let many = square_errors(&scene, &settings, (96, 8), &reference);
     let found = slope(few.mean, many.mean);
     let relative = |m: &Moments| m.standard_error() / m.mean;
     let error = relative(&few).hypot(relative(&many)) / span;
@@ -389,7 +394,8 @@ fn channel(image: &[f64], c: usize) -> Vec<f64> {
     image.iter().skip(c).step_by(3).copied().collect()
 }
 
-/// F-ratios after two passes, of five seeds: with merging the largest of the channels, without it each of them.
+/// F-ratios after two passes, of five seeds: with merging the largest of the channels, without it
+/// each of them.
 fn bands_of_two_passes(
     (scene, settings): (&Arc<Scene>, &Settings),
     reference_passes: u32,

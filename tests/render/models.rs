@@ -1,5 +1,5 @@
-//! Models and textures: texels land where they should, and all strategies see the same textured, bent, half-open, transmissive
-//! surfaces.
+//! Models and textures: texels land where they should, and all strategies see the same textured,
+//! bent, half-open, transmissive surfaces.
 
 use super::gltf::Builder;
 use super::harness::{Estimate, full_crop, measure, scene_in, test_scale, with};
@@ -104,7 +104,8 @@ fn a_known_texel_lands_on_the_known_pixel() {
     assert_texels("scaled", &picture(&scene, &settings, 400), 1.0);
 }
 
-/// A room's worth of everything: texture, bent normals, a half-open sheet, a lamp with a pattern, a tinted solid of glass.
+/// A room's worth of everything: texture, bent normals, a half-open sheet, a lamp with a pattern, a
+/// tinted solid of glass.
 fn everything(roughness: f64) -> Vec<u8> {
     let mut b = Builder::default();
     let checks = b.texture(

@@ -1,5 +1,5 @@
-//! Things that move while the shutter is open: the integrators against each other, streaks and sweeps against closed forms, and
-//! a shutter that is open for a moment against things at rest.
+//! Things that move while the shutter is open: the integrators against each other, streaks and
+//! sweeps against closed forms, and a shutter that is open for a moment against things at rest.
 
 use super::equality::{Case, compare, run};
 use super::harness::{
@@ -46,8 +46,9 @@ material = "white"
     };
 }
 
-/// With cones so narrow that their bias (of the square of their half-aperture) is below what is resolved, path, light and bdpt
-/// agree with bdpt without cones. Light paths reach the camera through glass and over mirrors only so.
+/// With cones so narrow that their bias (of the square of their half-aperture) is below what is
+/// resolved, path, light and bdpt agree with bdpt without cones. Light paths reach the camera
+/// through glass and over mirrors only so.
 fn agree_with_cones(
     case: &Case,
     (scene, settings, truth): (Arc<Scene>, Settings, Measured),
@@ -112,7 +113,7 @@ motion = [{ about = [0, 1.9, 0.4], interpolation = "cubic", keys = [
         resolution: 2e-3,
     };
     let found = run(&case);
-    agree_with_cones(&case, found, [80, 240, 60]);
+    agree_with_cones(&case, found, [80, 80, 40]);
 }
 
 #[test]
@@ -144,7 +145,7 @@ emission = 3
         resolution: 2.5e-3,
     };
     let found = run(&case);
-    agree_with_cones(&case, found, [100, 240, 60]);
+    agree_with_cones(&case, found, [50, 140, 30]);
 }
 
 #[test]
@@ -188,14 +189,15 @@ motion = [{ about = [0, 1.2, 0.9], keys = [{ time = 0, rotate = { axis = [0, 1, 
 "#
         ),
         batches: 16,
-        passes: [300, 400, 120],
+        passes: [480, 400, 192],
         classes: &["LDE", "LDDE"],
         specular_in_view: false,
         resolution: 2.5e-3,
     });
 }
 
-/// Everything that can move does, with smooth glass and a mirror: path and bdpt agree, and light as well with cones.
+/// Everything that can move does, with smooth glass and a mirror: path and bdpt agree, and light as
+/// well with cones.
 #[test]
 fn everything_moves_with_glass_and_a_mirror() {
     let case = Case {
@@ -231,7 +233,7 @@ motion = [{ keys = [{ time = 0, translate = [-0.2, 0, 0] }, { time = 1, translat
         resolution: 3e-3,
     };
     let found = run(&case);
-    agree_with_cones(&case, found, [80, 240, 60]);
+    agree_with_cones(&case, found, [60, 100, 40]);
 }
 
 #[test]
@@ -267,7 +269,8 @@ motion = [{ keys = [{ time = 0, rotate = { axis = [0.3, 1, 0], deg = -30 } }, { 
     });
 }
 
-/// The mean of the irradiances at rest over the angles that a turning environment goes through: by midpoints, 24 of 90 degrees.
+/// The mean of the irradiances at rest over the angles that a turning environment goes through: by
+/// midpoints, 24 of 90 degrees.
 #[test]
 fn an_environment_that_turns_gives_the_mean_of_those_at_rest() {
     let at = |shutter: &str, motion: &str, deg: f64| {
@@ -324,7 +327,8 @@ environment = {{ image = "builtin:studio", euler_deg = [0, {deg}, 0] }}
     );
 }
 
-/// A mirror turns at a constant rate about an axis in its plane: the image of a point light runs along a circle at twice that rate.
+/// A mirror turns at a constant rate about an axis in its plane: the image of a point light runs
+/// along a circle at twice that rate.
 #[test]
 fn a_turning_mirror_sweeps_the_image_of_a_point_light() {
     let text = r#"
@@ -397,7 +401,8 @@ motion = [{ keys = [{ time = 0, translate = [-2.0375, 0, 0] }, { time = 10, tran
     // a pixel is an eighth: the edge is at -1 - 2.0375 + t, and the film begins at -2
     let (start, end) = ((-1.0375 + 2.0) * 8.0, (1.4625 + 2.0) * 8.0);
     assert!((end - start - 2.5 * 8.0_f64).abs() < 1e-12);
-    // covered: the share of the shutter in which the edge is beyond a place, integrated over the pixel
+    // covered: the share of the shutter in which the edge is beyond a place, integrated over the
+    // pixel
     let reached = |x: f64| {
         let u = ((end - x) / (end - start)).clamp(0.0, 1.0);
         // the antiderivative of the clamped ramp
@@ -422,7 +427,8 @@ motion = [{ keys = [{ time = 0, translate = [-2.0375, 0, 0] }, { time = 10, tran
     println!("streak: largest standard error {worst:.1e}");
 }
 
-/// A point light flies over a detector along a straight line: the mean over the way of the irradiance of a point light.
+/// A point light flies over a detector along a straight line: the mean over the way of the
+/// irradiance of a point light.
 #[test]
 fn a_light_that_moves_along_a_line_gives_the_integral_over_it() {
     let text = r#"
@@ -459,7 +465,8 @@ motion = [{ keys = [{ time = 0, translate = [0, 0, 0] }, { time = 4, translate =
     }
 }
 
-/// A mirror turns at a constant rate: the beam it reflects turns twice as fast and crosses a screen with the density of a lighthouse.
+/// A mirror turns at a constant rate: the beam it reflects turns twice as fast and crosses a screen
+/// with the density of a lighthouse.
 #[test]
 fn a_turning_mirror_sweeps_a_beam_like_a_lighthouse() {
     let text = r#"
@@ -482,7 +489,8 @@ beam = { position = [1, 0, 0], direction = [-1, 0, 0], radius = 1e-5, irradiance
 "#;
     let (scene, settings) = scene(text);
     let images = line_images(&scene, 0, &settings, 16, 4096 * test_scale());
-    // both sides reflect: in two turns of the mirror the beam goes four times around the circle, evenly
+    // both sides reflect: in two turns of the mirror the beam goes four times around the circle,
+    // evenly
     let flux = std::f64::consts::PI * 1e-10;
     let area_of_pixel = 4.0 / 16.0;
     for column in 0..16 {

@@ -1,8 +1,10 @@
-//! Directional regularization: each strategy alone, the weighted sum, lanes through dispersive glass, what only it can see.
+//! Directional regularization: each strategy alone, the weighted sum, lanes through dispersive
+//! glass, what only it can see.
 //!
-//! Strategies that join at specular vertices are compared raw (unweighted) with the unbiased mean: at half-apertures for which
-//! the squared-law bias is below what the sample count resolves (1 %; 2 % of paths with two specular vertices; 10 % of joints at
-//! both). Limits are 4.5 standard errors (p = 7e-6 each).
+//! Strategies that join at specular vertices are compared raw (unweighted) with the unbiased mean:
+//! at half-apertures for which the squared-law bias is below what the sample count resolves (1 %; 2
+//! % of paths with two specular vertices; 10 % of joints at both). Limits are 4.5 standard errors
+//! (p = 7e-6 each).
 
 use super::harness::{full_crop, measure, scene, test_scale, with};
 use abbe::render::{OutputRequest, Render};
@@ -190,8 +192,8 @@ fn each_strategy_alone_into_glass_and_out_of_it() {
     }
 }
 
-/// The weights adapt to what is executed: whichever strategies are missing, the others make the whole class. (One alone has
-/// the weight 1: see above.)
+/// The weights adapt to what is executed: whichever strategies are missing, the others make the
+/// whole class. (One alone has the weight 1: see above.)
 #[test]
 fn every_subset_of_strategies_has_the_same_mean() {
     let text = INTERFACE
@@ -243,8 +245,8 @@ quad = { center = [0.5, 0.9, 0], u = [0.3, 0, 0], v = [0, 0, 0.3] }
 emission = 1
 "#;
 
-/// All lanes cross the flint at a joint, only the hero's where it is scattered at. A rule that counts what does not deliver would
-/// lose a quarter of the energy of the weighted sum here.
+/// All lanes cross the flint at a joint, only the hero's where it is scattered at. A rule that
+/// counts what does not deliver would lose a quarter of the energy of the weighted sum here.
 #[test]
 fn lanes_cross_dispersive_glass() {
     let (scene, settings) = scene(FLINT);
@@ -307,7 +309,8 @@ material = "mirror"
 point = { position = [0.6, 1.2, 0], intensity = 1 }
 "#;
 
-/// Mean squared error of the pixels, which are independent estimates of one number: E = I cosθ/d² of the mirror image.
+/// Mean squared error of the pixels, which are independent estimates of one number: E = I cosθ/d²
+/// of the mirror image.
 fn squared_errors(settings: &Settings, counts: &[u32]) -> Vec<f64> {
     let (scene, _) = scene(POINT_MIRROR);
     let d2 = 2.2_f64.powi(2) + 0.6 * 0.6;
@@ -341,8 +344,8 @@ fn squared_errors(settings: &Settings, counts: &[u32]) -> Vec<f64> {
         .collect()
 }
 
-/// No unbiased strategy of the camera reaches a point light over a mirror. With the schedule the squared error falls as N^(−2/3); with
-/// one half-aperture it stays at the square of the bias.
+/// No unbiased strategy of the camera reaches a point light over a mirror. With the schedule the
+/// squared error falls as N^(−2/3); with one half-aperture it stays at the square of the bias.
 #[test]
 fn shrinking_cones_converge_and_constant_ones_do_not() {
     let (_, settings) = scene(POINT_MIRROR);
@@ -424,7 +427,8 @@ fn the_weighted_sum_converges_to_the_unbiased_image() {
     }
 }
 
-/// A point light behind glass, seen through glass: nothing without cones, something with them, less noise with all strategies.
+/// A point light behind glass, seen through glass: nothing without cones, something with them, less
+/// noise with all strategies.
 #[test]
 fn a_point_light_behind_glass_is_seen_only_by_regularization() {
     let (scene, settings) = scene(&BEHIND_GLASS.replace("LIGHT", POINT));

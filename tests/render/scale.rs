@@ -1,7 +1,9 @@
-//! A scene has no size: with all lengths, intensities and absorption scaled together the image is the same. (The absorption that a
-//! catalogue states for its glasses is left out: it has a length of its own.)
+//! A scene has no size: with all lengths, intensities and absorption scaled together the image is
+//! the same. (The absorption that a catalogue states for its glasses is left out: it has a length
+//! of its own.)
 //!
-//! A power of two changes no rounding, so it must leave every bit; other factors change only rounding.
+//! A power of two changes no rounding, so it must leave every bit; other factors change only
+//! rounding.
 
 #![allow(
     clippy::unwrap_used,
@@ -20,7 +22,8 @@ use std::sync::Arc;
 
 const PASSES: u32 = 4;
 
-/// A scene with dispersive absorbing glass, a mesh, an area light and a point light, all lengths times `k`.
+/// A scene with dispersive absorbing glass, a mesh, an area light and a point light, all lengths
+/// times `k`.
 fn text(sensor: Sensor, k: f64) -> String {
     let v = |x: f64, y: f64, z: f64| format!("[{:e}, {:e}, {:e}]", x * k, y * k, z * k);
     let mut out = String::from("[render]\nmax_depth = 6\n[[sensor]]\nresolution = [20, 16]\n");

@@ -1,4 +1,5 @@
-//! The loop over passes: when it ends, what it restores, what a cancelled pass leaves, and what others may read meanwhile.
+//! The loop over passes: when it ends, what it restores, what a cancelled pass leaves, and what
+//! others may read meanwhile.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

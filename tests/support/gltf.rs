@@ -60,7 +60,8 @@ impl Builder {
             .push(json!({ "input": input, "output": output, "interpolation": interpolation }));
     }
 
-    /// A mesh of flat triangles without a node; `more` are further keys of its primitive. Its index.
+    /// A mesh of flat triangles without a node; `more` are further keys of its primitive. Its
+    /// index.
     pub fn bare_mesh(&mut self, positions: &[[f32; 3]], indices: &[u16], more: &Value) -> usize {
         let position = self.floats(positions, "VEC3");
         let indices = self.indices(indices);
@@ -127,7 +128,8 @@ impl Builder {
         self.nodes.len() - 1
     }
 
-    /// A quad from `corner` along `u` and `v` (facing u x v): (0, 0) of its image at the upper left, corner + v.
+    /// A quad from `corner` along `u` and `v` (facing u x v): (0, 0) of its image at the upper
+    /// left, corner + v.
     pub fn quad(&mut self, corner: [f32; 3], u: [f32; 3], v: [f32; 3], material: usize) {
         let at = |a: f32, b: f32| std::array::from_fn(|i| corner[i] + a * u[i] + b * v[i]);
         let positions: [[f32; 3]; 4] = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];

@@ -14,7 +14,7 @@ pub struct CompareOptions {
     /// The image (EXR with channels X, Y, Z), or statistics of a render (JSON of --stats)
     #[arg(value_name = "IMAGE")]
     pub image: PathBuf,
-    /// What it should be (statistics beside statistics); without it only bands are measured
+    /// Reference (statistics beside statistics); without it only bands are measured
     #[arg(value_name = "REFERENCE", required_unless_present = "banding")]
     pub reference: Option<PathBuf>,
     /// Measures bands instead: errors that are the same all along a line of one color
@@ -33,7 +33,8 @@ pub struct ColorLines {
     /// The part of the image whose bands are measured: X0 <= x < X1, Y0 <= y < Y1
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = values::crop)]
     pub region: Option<Crop>,
-    /// Where color (or the moment) changes: along x, along y, or with the distance from the pixel X,Y
+    /// Where color (or the moment) changes: along x, along y, or with the distance from the pixel
+    /// X,Y
     #[arg(long, value_name = "x | y | X,Y", default_value = "x", value_parser = values::axis, allow_negative_numbers = true)]
     pub axis: Axis,
 }
@@ -94,9 +95,9 @@ pub struct MergeOptions {
     /// Also writes the sum as a part file
     #[arg(long, value_name = "FILE")]
     pub part: Option<PathBuf>,
-    /// Exposure of the preview in stops
-    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = values::finite, allow_negative_numbers = true)]
-    pub exposure: f64,
+    /// Exposure of the preview in stops; by the picture itself otherwise
+    #[arg(long, value_name = "EV", value_parser = values::stops, allow_negative_numbers = true)]
+    pub exposure: Option<f64>,
     /// Writes no PNG preview
     #[arg(long)]
     pub no_preview: bool,

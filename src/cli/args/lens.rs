@@ -23,7 +23,8 @@ pub struct LensOptions {
     /// Coats every surface between air and glass: MgF2, V-coat or broadband
     #[arg(long, value_name = "NAME")]
     pub coating: Option<String>,
-    /// Folder of glass catalogs (.agf, .yml, .toml), more than once if needed; ABBE_GLASS_PATH otherwise
+    /// Folder of glass catalogs (.agf, .yml, .toml), more than once if needed; ABBE_GLASS_PATH
+    /// otherwise
     #[arg(long, value_name = "FOLDER")]
     pub glass_path: Vec<PathBuf>,
     /// Draws the cross-section with traced rays
@@ -49,7 +50,8 @@ pub struct GlassOptions {
     /// Lists the names of all glasses
     #[arg(long, conflicts_with = "name")]
     pub list: bool,
-    /// Folder of glass catalogs (.agf, .yml, .toml), more than once if needed; ABBE_GLASS_PATH otherwise
+    /// Folder of glass catalogs (.agf, .yml, .toml), more than once if needed; ABBE_GLASS_PATH
+    /// otherwise
     #[arg(long, value_name = "FOLDER")]
     pub glass_path: Vec<PathBuf>,
     /// Prints JSON

@@ -1,6 +1,7 @@
-//! The options of every command. Values are checked as they are parsed, so that wrong ones are usage errors that say what is
-//! allowed.
+//! The options of every command. Values are checked as they are parsed, so that wrong ones are
+//! usage errors that say what is allowed.
 
+mod develop;
 mod images;
 mod lens;
 mod overrides;
@@ -8,6 +9,7 @@ mod reports;
 mod scene;
 mod values;
 
+pub use develop::DevelopOptions;
 pub use images::{BandingOptions, CompareOptions, MergeOptions};
 pub use lens::{GlassOptions, LensOptions};
 pub use overrides::Overrides;
@@ -39,7 +41,7 @@ fn long_version() -> &'static str {
 #[derive(Debug, Parser)]
 #[command(name = "abbe", version = long_version(), disable_help_subcommand = true)]
 pub struct Arguments {
-    /// What to do.
+    /// Command to carry out.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -51,10 +53,14 @@ pub enum Command {
     Render(Box<RenderOptions>),
     /// Says what a scene holds and calls for, and why
     Info(InfoOptions),
-    /// Shows what accuracy costs in time: renders a scene by several methods and reports error against time
+    /// Shows what accuracy costs in time: renders a scene by several methods and reports error
+    /// against time
     Cost(Box<CostOptions>),
     /// Measures how far an image is from a reference
     Compare(CompareOptions),
+    /// Makes a picture of an image or part: exposure, tone curve, white balance, gamut of the
+    /// display
+    Develop(Box<DevelopOptions>),
     /// Shows the refractive index of a glass
     Glass(GlassOptions),
     /// Prints the reference of all keys of scene files
@@ -63,7 +69,8 @@ pub enum Command {
     Lens(Box<LensOptions>),
     /// Adds up part files of disjoint passes
     Merge(MergeOptions),
-    /// Shows what sharing wavelengths and times in a pass does: photon merging beside bidirectional path tracing
+    /// Shows what sharing wavelengths and times in a pass does: photon merging beside bidirectional
+    /// path tracing
     Banding(BandingOptions),
     /// Writes an editable scene file that refers to a model
     Convert(ConvertOptions),

@@ -1,8 +1,10 @@
-//! Options that stand for keys of the scene file: any key by its name, and the moment at which a model is shown.
+//! Options that stand for keys of the scene file: any key by its name, and the moment at which a
+//! model is shown.
 
 use super::values::{finite, key_value, positive};
 use crate::cli::CliError;
 use crate::io::model_file::ModelKind;
+use crate::math::hash::combine;
 use clap::Args;
 use std::path::Path;
 
@@ -32,7 +34,8 @@ pub struct Moment {
     /// Frames per second
     #[arg(long, value_name = "RATE", requires = "frame", default_value = "24", value_parser = positive, allow_negative_numbers = true)]
     pub fps: f64,
-    /// How long the shutter is open from then on: a share of a frame, or a time such as 0.02s or 20ms
+    /// How long the shutter is open from then on: a share of a frame, or a time such as 0.02s or
+    /// 20ms
     #[arg(long, value_name = "OPEN", requires = "frame", default_value = "0.5", value_parser = open, allow_negative_numbers = true)]
     pub shutter: Open,
 }
@@ -54,6 +57,16 @@ impl Moment {
         ]
         .map(|(key, value)| (key.to_owned(), value))
         .into()
+    }
+
+    /// Seed of the frame: each has noise of its own.
+    #[must_use]
+    pub fn seed(&self, seed: Option<u64>) -> Option<u64> {
+        let Some(frame) = self.frame else {
+            return seed;
+        };
+        // seeds have 63 bits
+        Some(combine(seed.unwrap_or(0), frame.to_bits()) >> 1)
     }
 
     /// Only models have frames.
@@ -111,6 +124,23 @@ mod tests {
         for bad in ["-1", "1m", "", "nan", "infs"] {
             assert!(open(bad).is_err(), "{bad}");
         }
+        let next = Moment {
+            frame: Some(13.0),
+            ..moment("0")
+        };
+        let seeds = [moment("0").seed(None), next.seed(None), next.seed(Some(1))];
+        assert!(
+            seeds
+                .iter()
+                .all(|s| s.is_some_and(|s| s <= i64::MAX as u64))
+        );
+        assert!(seeds[0] != seeds[1] && seeds[1] != seeds[2]);
+        assert_eq!(moment("1").seed(Some(3)), moment("0").seed(Some(3)));
+        let still = Moment {
+            frame: None,
+            ..next
+        };
+        assert_eq!((still.seed(None), still.seed(Some(7))), (None, Some(7)));
         assert!(moment("1").check(Path::new("a.GLB")).is_ok());
         assert!(moment("1").check(Path::new("a.toml")).is_err());
     }

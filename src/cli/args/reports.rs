@@ -27,10 +27,12 @@ pub struct CostOptions {
     /// The image to measure errors against; one is rendered by another estimator otherwise
     #[arg(long, value_name = "FILE")]
     pub reference: Option<PathBuf>,
-    /// Time for each variant and seed on every thread, such as 10s or 2m (the reference has eight times as much)
+    /// Time for each variant and seed on every thread, such as 10s or 2m (the reference has eight
+    /// times as much)
     #[arg(long, value_name = "TIME", default_value = "10s", value_parser = values::seconds)]
     pub budget: f64,
-    /// Passes for each variant and seed instead of a time, at least 2: the same on every machine (the reference has eight times as many)
+    /// Passes for each variant and seed instead of a time, at least 2: the same on every machine
+    /// (the reference has eight times as many)
     #[arg(long, value_name = "N", conflicts_with = "budget", value_parser = clap::value_parser!(u32).range(2..=i64::from(MOST_PASSES / REFERENCE_CELLS)))]
     pub spp: Option<u32>,
     /// Seeds per variant, for the spread
@@ -39,7 +41,7 @@ pub struct CostOptions {
     /// The folder for report, tables and images; NAME.cost in the working directory otherwise
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
-    /// What is varied
+    /// Parameter that is varied
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', default_values = ["methods", "effects", "settings"])]
     pub vary: Vec<Group>,
     /// Also plots the value of this pixel against time

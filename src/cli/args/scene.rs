@@ -15,19 +15,21 @@ pub struct RenderOptions {
     /// The scene file, or a model (.gltf, .glb, .obj, .ply)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// The image to write; NAME.exr (NAME.SENSOR.exr with several sensors) in the working directory otherwise
+    /// The image to write; NAME.exr (NAME.SENSOR.exr with several sensors) in the working directory
+    /// otherwise
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// The algorithm
     #[arg(long, value_enum, value_name = "NAME")]
     pub integrator: Option<IntegratorKind>,
     /// Passes, one sample per pixel each
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "passes")]
+    #[arg(long, value_name = "N", value_parser = values::count, conflicts_with = "passes")]
     pub spp: Option<u32>,
     /// The passes A, A+1, ..., B-1
     #[arg(long, value_name = "A..B", value_parser = values::passes)]
     pub passes: Option<Range<u32>>,
-    /// Stops after the pass in which this much time is used up, such as 90s or 2m, per sensor; without --spp or --passes there is no other limit
+    /// Stops after the pass in which this much time is used up, such as 90s or 2m, per sensor;
+    /// without --spp or --passes there is no other limit
     #[arg(long, value_name = "TIME", value_parser = values::seconds, allow_negative_numbers = true)]
     pub time: Option<f64>,
     /// Stops when the estimated relative error of the image is below R
@@ -54,7 +56,7 @@ pub struct RenderOptions {
     /// Half-aperture of that cone in the first pass in radians, or auto
     #[arg(long, value_name = "RAD", value_parser = values::epsilon)]
     pub epsilon: Option<String>,
-    /// What the paths of a pass share where photons are merged
+    /// Wavelengths and time that the paths of a pass share where photons are merged
     #[arg(long, value_enum, value_name = "NAME")]
     pub sharing: Option<Sharing>,
     /// Scattering vertices of the whole path, at most
@@ -63,7 +65,8 @@ pub struct RenderOptions {
     /// Reconstruction filter
     #[arg(long, value_enum, value_name = "NAME")]
     pub filter: Option<FilterKind>,
-    /// Wavelengths to draw: scene, uniform, visible, a range A..B, or a list of lines such as 486.1,587.6 (nm)
+    /// Wavelengths to draw: scene, uniform, visible, a range A..B, or a list of lines such as
+    /// 486.1,587.6 (nm)
     #[arg(long, value_name = "SPEC", value_parser = values::wavelengths)]
     pub wavelengths: Option<String>,
     #[command(flatten)]
@@ -76,16 +79,18 @@ pub struct RenderOptions {
     /// Renders only the pixels X0 <= x < X1, Y0 <= y < Y1
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = values::crop)]
     pub crop: Option<Crop>,
-    /// Exposure of the preview in stops
-    #[arg(long, value_name = "EV", default_value_t = 0.0, value_parser = values::finite, allow_negative_numbers = true)]
-    pub exposure: f64,
+    /// Exposure of the preview in stops; by the picture itself otherwise
+    #[arg(long, value_name = "EV", value_parser = values::stops, allow_negative_numbers = true)]
+    pub exposure: Option<f64>,
     /// Writes no PNG preview
     #[arg(long)]
     pub no_preview: bool,
-    /// Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo, class:REGEX (such as class:^LS+DE$), separated by commas
+    /// Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo,
+    /// class:REGEX (such as class:^LS+DE$), separated by commas
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::aov)]
     pub aov: Vec<Layer>,
-    /// Also writes NAME.spectral.exr, with BINS channels over the range of wavelengths and one for each emission line
+    /// Also writes NAME.spectral.exr, with BINS channels over the range of wavelengths and one for
+    /// each emission line
     #[arg(long, value_name = "BINS", num_args = 0..=1, default_missing_value = "47", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub spectral: Option<u16>,
     /// Writes the exact sums of the passes, for `abbe merge` and --resume
@@ -94,10 +99,14 @@ pub struct RenderOptions {
     /// Continues with the passes that the file given by --part does not hold yet
     #[arg(long, requires = "part")]
     pub resume: bool,
+    /// Begins the file given by --part anew, even where it holds passes
+    #[arg(long, requires = "part", conflicts_with = "resume")]
+    pub overwrite: bool,
     /// Writes statistics as JSON, with the table of path classes and strategies
     #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
-    /// Refuses to start where films, meshes, textures and photons need more memory than SIZE, such as 500M or 2G
+    /// Refuses to start where films, meshes, textures and photons need more memory than SIZE, such
+    /// as 500M or 2G; what the machine has otherwise
     #[arg(long, value_name = "SIZE", value_parser = values::size)]
     pub max_memory: Option<u64>,
     /// Prints nothing but errors
@@ -112,9 +121,9 @@ impl RenderOptions {
         let options = [
             ("integrator", self.integrator.map(|v| v.to_string())),
             ("spp", self.spp.map(|v| v.to_string())),
-            ("seed", self.seed.map(|v| v.to_string())),
+            ("seed", self.moment.seed(self.seed).map(|v| v.to_string())),
             ("lanes", self.lanes.clone()),
-            ("heuristic", self.heuristic.map(|v| v.to_string())),
+            ("weights", self.heuristic.map(|v| v.to_string())),
             ("aim", self.aim.map(|v| v.to_string())),
             ("regularize", self.regularize.map(|v| v.to_string())),
             ("epsilon", self.epsilon.clone()),

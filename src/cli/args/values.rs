@@ -1,10 +1,14 @@
 //! The values that options take: names, and parsers that say what is allowed.
 
+use crate::develop::{Display, ToneCurve, White};
 use crate::film::Crop;
 use crate::io::layers::Layer;
 use crate::math::banding::Axis;
 use crate::math::named::Named;
 use crate::scene::settings::{Aiming, FilterKind, Heuristic, IntegratorKind, Regularize, Sharing};
+use crate::spectrum::Curve;
+use crate::spectrum::library::Library;
+use crate::spectrum::xyz::{curve_to_xyz, emission_to_xyz, linear_srgb_to_xyz};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 use regex::Regex;
@@ -30,7 +34,9 @@ value_enum!(
     Heuristic,
     Regularize,
     Sharing,
-    FilterKind
+    FilterKind,
+    ToneCurve,
+    Display
 );
 
 pub(super) fn key_value(text: &str) -> Result<(String, String), String> {
@@ -82,11 +88,49 @@ pub(super) fn finite(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a number".to_owned())
 }
 
+/// Stops of exposure, within what powers of two can be.
+pub(super) fn stops(text: &str) -> Result<f64, String> {
+    finite(text)
+        .ok()
+        .filter(|v| v.abs() <= 1000.0)
+        .ok_or_else(|| "expected a number of stops, -1000 to 1000".to_owned())
+}
+
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     finite(text)
         .ok()
         .filter(|&v| v > 0.0)
         .ok_or_else(|| "expected a number above 0".to_owned())
+}
+
+/// A number of passes.
+pub(super) fn count(text: &str) -> Result<u32, String> {
+    let count = text.parse().ok().filter(|&n| n > 0);
+    count.ok_or_else(|| format!("expected a whole number from 1 to {}", u32::MAX))
+}
+
+/// The color that a picture shows as white.
+pub(super) fn white(text: &str) -> Result<White, String> {
+    let allowed = "expected none, scene, a color R,G,B (linear sRGB), a temperature such as 3200K, or the name of a spectrum such as D50";
+    match text {
+        "none" => return Ok(White::Unadapted),
+        "scene" => return Ok(White::Scene),
+        _ => {}
+    }
+    let xyz = if text.contains(',') {
+        let rgb: Option<Vec<f64>> = text.split(',').map(|v| positive(v).ok()).collect();
+        let rgb = rgb.and_then(|rgb| <[f64; 3]>::try_from(rgb).ok());
+        linear_srgb_to_xyz(rgb.ok_or(allowed)?)
+    } else if let Some(Ok(temp_k)) = text.strip_suffix('K').map(positive) {
+        if !(1000.0..=100_000.0).contains(&temp_k) {
+            return Err("expected a temperature from 1000K to 100000K".to_owned());
+        }
+        curve_to_xyz(&Curve::Blackbody { temp_k, scale: 1.0 })
+    } else {
+        let spectrum = Library::embedded().emission(text);
+        emission_to_xyz(&spectrum.map_err(|e| format!("{e}; {allowed}"))?)
+    };
+    Ok(White::Color(xyz))
 }
 
 /// A time in seconds, or with a unit.

@@ -7,13 +7,15 @@ mod report;
 use super::args::LensOptions;
 use super::{CliError, Outcome, print};
 use crate::io::atomic;
+use crate::io::destination::Claims;
 use crate::optics::{Prescription, Wavelength, stacks};
 use crate::spectrum::Library;
 use crate::spectrum::ior::{LINE_C_NM, LINE_D_NM, LINE_F_NM};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// The built-in library with the catalogs of the folders of `--glass-path`, or else of `ABBE_GLASS_PATH`.
+/// The built-in library with the catalogs of the folders of `--glass-path`, or else of
+/// `ABBE_GLASS_PATH`.
 pub fn library(folders: &[PathBuf]) -> Result<Library, CliError> {
     let mut library = Library::embedded().clone();
     let from_environment: Vec<PathBuf>;
@@ -111,6 +113,11 @@ pub fn run(options: &LensOptions) -> Result<Outcome, CliError> {
     let library = library(&options.glass_path)?;
     let mut lens = crate::io::lens::read(&options.file, &library).map_err(CliError::Failed)?;
     adjust(&mut lens, options, &library)?;
+    let mut claims = Claims::of_inputs([&options.file]);
+    let outputs = [&options.drawing, &options.spots, &options.fans];
+    for path in outputs.into_iter().flatten() {
+        claims.output(path)?;
+    }
     let report = report::Report::new(&lens);
     print(&if options.json {
         report.json()

@@ -115,7 +115,8 @@ pub fn spots(lens: &Prescription, report: &Report) -> String {
 /// Place in the pupil and aberration, where the ray arrives.
 type Fan = Vec<(f64, Option<f64>)>;
 
-/// Transverse aberrations against the place in the pupil, tangential (y) and sagittal (x), per field.
+/// Transverse aberrations against the place in the pupil, tangential (y) and sagittal (x), per
+/// field.
 #[must_use]
 pub fn fans(lens: &Prescription) -> String {
     let beams: Vec<Beams> = lens

@@ -24,7 +24,8 @@ pub struct Report<'a> {
     seidel: Vec<Seidel>,
     /// A spot per field and wavelength.
     pub spots: Vec<SpotData>,
-    /// From the image surface to the paraxial image, and to the best focus of all spots, millimeters.
+    /// From the image surface to the paraxial image, and to the best focus of all spots,
+    /// millimeters.
     pub focus: [f64; 2],
     /// Per field at the primary wavelength.
     transmission: Vec<Option<Transmission>>,
@@ -265,8 +266,8 @@ impl<'a> Report<'a> {
     }
 }
 
-/// Where the spots of all fields, each about the centroid of its wavelengths, are smallest together: the parabolas of the
-/// squared radii add up.
+/// Where the spots of all fields, each about the centroid of its wavelengths, are smallest
+/// together: the parabolas of the squared radii add up.
 fn best_focus(spots: &[SpotData], lens: &Prescription) -> f64 {
     let (mut weighted, mut total) = (0.0, 0.0);
     for field in 0..lens.fields.len() {

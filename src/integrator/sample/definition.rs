@@ -13,6 +13,7 @@ use crate::geometry::{EndPoint, Hit, Placements, Ray, SurfaceId};
 use crate::light::{HitMeasure, LightId};
 use crate::scene::{Scene, SceneAt, Settings};
 use crate::spectrum::{MAX_LANES, SensorResponse};
+use crate::transport::oracle::{FullPath, random_factors};
 use crate::transport::record::{Recorded, take};
 use crate::transport::subpath::{Scatterer, Vertex};
 use crate::transport::{Cone, PassSettings, PathContext, Subpath};
@@ -358,6 +359,40 @@ impl<'a> Finished<'a> {
         }
     }
 
+    /// The light and the place on the film that the weights look at are those of the path.
+    fn assert_place(&self, made: &Recorded) {
+        assert_eq!(made.emitter, self.light);
+        let camera = &self.scene.sensors[self.sensor].camera;
+        if camera.is_delta() && self.len() > 2 {
+            let x = self.position(self.len() - 2);
+            let seen = camera.sample_connection(x, DVec2::ZERO, self.scene.moment(), 1e3);
+            let raster = seen.expect("in front of the camera").raster;
+            let difference = (raster - made.raster).length();
+            assert!(difference < 1e-6, "{raster} is not {}", made.raster);
+        }
+    }
+
+    /// The path as the oracle of weights has it.
+    fn full(&self, pf: &[Column], pr: &[Column], direct: f64, made: &Recorded) -> FullPath {
+        let before = |i: usize| {
+            i.checked_sub(1)
+                .map_or(f64::INFINITY, |i| self.d2(i).sqrt())
+        };
+        FullPath {
+            pf: pf.to_vec(),
+            pr: pr.to_vec(),
+            direct,
+            specular: made.specular.clone(),
+            dispersive: made.dispersive.clone(),
+            lengths: (0..self.len()).map(|i| before(i) as f32).collect(),
+            hittable_light: self.scene.light(self.light).hit_measure() != HitMeasure::Never,
+            emitter: made.emitter,
+            raster: made.raster,
+            bridges: [None; 2],
+            made: None,
+        }
+    }
+
     /// Strategy `s`, which counts in the weights, could have made the path.
     fn assert_made_by(&self, s: usize) {
         let camera = &self.scene.sensors[self.sensor].camera;
@@ -433,7 +468,9 @@ fn check(
 ) -> BTreeMap<(usize, usize), usize> {
     let resolution = scene.sensors[0].camera.resolution();
     let crop = scene.sensors[0].whole_film();
-    let job = SensorJob::new(&scene, 0, &settings, &crop, false);
+    let mut job = SensorJob::new(&scene, 0, &settings, &crop, false);
+    let factors = random_factors();
+    job.strategies.factors = Some(&factors);
     let mut workspace = Workspace::default();
     let mut strategies: BTreeMap<(usize, usize), usize> = BTreeMap::new();
     let mut regularized = 0;
@@ -500,6 +537,10 @@ fn check(
                     what(),
                     made.weight
                 );
+                path.assert_place(&made);
+                let sum = path.full(&pf, &pr, direct, &made);
+                let sum = sum.weight_sum(&job.strategies_of(&pass, (x, y)));
+                assert!((sum - 1.0).abs() < 1e-9, "{}: weights sum to {sum}", what());
                 regularized += usize::from(
                     (0..path.inner.len()).any(|i| path.joined[i] && made.specular[i + 1]),
                 );

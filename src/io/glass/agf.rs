@@ -1,8 +1,9 @@
 //! AGF glass catalogs.
 //!
-//! Records of two letters: `NM` name and formula, `CD` its coefficients, `LD` the range in micrometers, `IT` internal
-//! transmittance (wavelength, transmittance, thickness in millimeters); all others do not bear on n and k. Each of the
-//! thirteen dispersion formulas is one of those of refractiveindex.info with its coefficients in another order.
+//! Records of two letters: `NM` name and formula, `CD` its coefficients, `LD` the range in
+//! micrometers, `IT` internal transmittance (wavelength, transmittance, thickness in millimeters);
+//! all others do not bear on n and k. Each of the thirteen dispersion formulas is one of those of
+//! refractiveindex.info with its coefficients in another order.
 
 use super::{CatalogError, number};
 use crate::spectrum::{Curve, Ior};

@@ -43,8 +43,8 @@ fn number(word: &str, line: usize) -> Result<f64, CatalogError> {
     }
 }
 
-/// Text of bytes that are UTF-16 with a byte order mark, UTF-8, or else one byte per character (Windows-1252 without its
-/// rare punctuation), as lens and glass files come.
+/// Text of bytes that are UTF-16 with a byte order mark, UTF-8, or else one byte per character
+/// (Windows-1252 without its rare punctuation), as lens and glass files come.
 #[must_use]
 pub fn decode_text(bytes: &[u8]) -> String {
     let units = |from: fn([u8; 2]) -> u16| -> String {
@@ -69,24 +69,14 @@ pub fn decode_text(bytes: &[u8]) -> String {
 /// # Errors
 /// If it is larger or cannot be read.
 pub fn read_capped(path: &Path) -> Result<Vec<u8>, CatalogFileError> {
-    use std::io::Read;
-    let error = |message: String| CatalogFileError {
+    super::files::read_regular(path, MAX_FILE_BYTES).map_err(|e| CatalogFileError {
         path: path.to_owned(),
-        message,
-    };
-    let file = std::fs::File::open(path).map_err(|e| error(format!(" {e}")))?;
-    let mut bytes = Vec::new();
-    file.take(MAX_FILE_BYTES + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|e| error(format!(" {e}")))?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
-        return Err(error(format!(" larger than {MAX_FILE_BYTES} bytes")));
-    }
-    Ok(bytes)
+        message: format!(" {e}"),
+    })
 }
 
-/// The glasses of a catalog file, qualified with the name of the file without its extension: `mine.agf` holds `mine:NAME`,
-/// and `catalog/NAME.yml` is `catalog:NAME`.
+/// The glasses of a catalog file, qualified with the name of the file without its extension:
+/// `mine.agf` holds `mine:NAME`, and `catalog/NAME.yml` is `catalog:NAME`.
 ///
 /// # Errors
 /// If it cannot be read or is not well formed, with the line.
@@ -122,7 +112,8 @@ pub fn read_file(path: &Path) -> Result<Vec<Ior>, CatalogFileError> {
     })
 }
 
-/// Adds all catalogs of a folder and of the folders in it (`.agf`, `.yml`, `.yaml`, `.toml`) to a library.
+/// Adds all catalogs of a folder and of the folders in it (`.agf`, `.yml`, `.yaml`, `.toml`) to a
+/// library.
 ///
 /// # Errors
 /// If the folder or a file in it cannot be read or is not well formed.

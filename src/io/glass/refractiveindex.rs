@@ -1,7 +1,8 @@
 //! Materials of the refractiveindex.info database: the part of its YAML that bears on n and k.
 //!
-//! A file has a list `DATA` of entries: `type: formula 1` to `9` with `wavelength_range` and `coefficients`, or
-//! `type: tabulated n`, `k` or `nk` with a block `data` of rows, wavelengths in micrometers. All other keys are passed over.
+//! A file has a list `DATA` of entries: `type: formula 1` to `9` with `wavelength_range` and
+//! `coefficients`, or `type: tabulated n`, `k` or `nk` with a block `data` of rows, wavelengths in
+//! micrometers. All other keys are passed over.
 
 use super::{CatalogError, number};
 use crate::spectrum::{Curve, Ior};

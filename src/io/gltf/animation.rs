@@ -1,6 +1,8 @@
-//! Animations: the samplers that play, as tracks of translation, rotation, scale and weights per node.
+//! Animations: the samplers that play, as tracks of translation, rotation, scale and weights per
+//! node.
 //!
-//! Of keyed values only those are kept that matter while the shutter is open: the keys within, and one on either side.
+//! Of keyed values only those are kept that matter while the shutter is open: the keys within, and
+//! one on either side.
 
 use super::{Fault, Reader};
 use crate::geometry::Shutter;
@@ -16,7 +18,7 @@ use std::ops::Range;
 /// Most keys of a sampler.
 const MAX_KEYS: usize = 1 << 20;
 
-/// What moves a node.
+/// Motion of a node.
 #[derive(Debug, Default)]
 pub struct Moves {
     translation: Option<Track<DVec3>>,
@@ -26,7 +28,7 @@ pub struct Moves {
     pub weights: Option<Vec<Track<f64>>>,
 }
 
-/// What moves each node, by its index.
+/// Motion of each node, by its index.
 pub type AllMoves = BTreeMap<usize, Moves>;
 
 /// The keys of a sampler that matter.
@@ -40,14 +42,16 @@ struct Keys {
     interpolation: Interpolation,
 }
 
-/// The values of a sampler at its keys, with the tangents on arriving and on leaving where it is cubic.
+/// The values of a sampler at its keys, with the tangents on arriving and on leaving where it is
+/// cubic.
 struct Values<const N: usize> {
     at: Vec<[f64; N]>,
     tangents: Vec<[[f64; N]; 2]>,
 }
 
 impl Reader<'_> {
-    /// Reads the animations that play: the one that is asked for, or every one that moves nothing that an earlier one moves.
+    /// Reads the animations that play: the one that is asked for, or every one that moves nothing
+    /// that an earlier one moves.
     pub fn moves(&mut self) -> Result<AllMoves, Fault> {
         let root = self.root;
         let name = |i: usize| {
@@ -293,7 +297,8 @@ fn keyed<T>(keys: &Keys, values: impl Iterator<Item = T>) -> Vec<(f64, T)> {
 }
 
 impl Moves {
-    /// The pose of a node with these moves, which keeps what does not move; `None` if its placement does not move.
+    /// The pose of a node with these moves, which keeps what does not move; `None` if its placement
+    /// does not move.
     pub fn pose(&self, node: &Node, i: usize) -> Result<Option<Pose>, Fault> {
         if self.translation.is_none() && self.rotation.is_none() && self.scale.is_none() {
             return Ok(None);

@@ -1,4 +1,5 @@
-//! Bytes of a glTF file: URIs, buffers, views, accessors. Nothing is allocated before it is known to be there.
+//! Bytes of a glTF file: URIs, buffers, views, accessors. Nothing is allocated before it is known
+//! to be there.
 
 use super::{Fault, hashed};
 use crate::io::files;
@@ -6,7 +7,7 @@ use gltf::json::accessor::{ComponentType, GenericComponentType, IndexComponentTy
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, accessor, buffer};
 use std::borrow::Cow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Largest buffer file.
 const MAX_BUFFER_BYTES: u64 = 4 << 30;
@@ -17,12 +18,20 @@ const MAX_ZEROS: usize = 1 << 24;
 pub struct Buffers<'a> {
     root: &'a Root,
     buffers: Vec<Cow<'a, [u8]>>,
+    /// Files that they come from.
+    pub files: Vec<PathBuf>,
     /// Hash of those that come from other files.
     pub hash: u64,
 }
 
-/// What a URI refers to, read. `what` names the URI's owner in messages.
-pub fn read_uri(folder: &Path, uri: &str, what: &str, limit: u64) -> Result<Vec<u8>, Fault> {
+/// Bytes that a URI refers to, and the path of a file that held them. `what` names the URI's owner
+/// in messages.
+pub fn read_uri(
+    folder: &Path,
+    uri: &str,
+    what: &str,
+    limit: u64,
+) -> Result<(Option<PathBuf>, Vec<u8>), Fault> {
     if let Some(data) = uri.strip_prefix("data:") {
         let (kind, body) = data
             .split_once(',')
@@ -31,6 +40,7 @@ pub fn read_uri(folder: &Path, uri: &str, what: &str, limit: u64) -> Result<Vec<
             return Err(Fault::new(format!("{what}: the data: URI is not base64")));
         }
         return base64(body.as_bytes())
+            .map(|bytes| (None, bytes))
             .ok_or_else(|| Fault::new(format!("{what}: the data: URI is not valid base64")));
     }
     let shown: String = uri.chars().take(80).collect();
@@ -46,7 +56,10 @@ pub fn read_uri(folder: &Path, uri: &str, what: &str, limit: u64) -> Result<Vec<
     }
     let name = percent_decoded(uri)
         .ok_or_else(|| Fault::new(format!("{what}: URI \"{shown}\" is not valid")))?;
-    files::read(folder, &name, limit).map_err(|e| Fault::new(format!("{what}: {e}")))
+    match files::read(folder, &name, limit) {
+        Ok((path, bytes)) => Ok((Some(path), bytes)),
+        Err(problem) => Err(Fault::new(format!("{what}: {problem}"))),
+    }
 }
 
 fn percent_decoded(uri: &str) -> Option<String> {
@@ -148,13 +161,14 @@ impl<'a> Buffers<'a> {
     /// Reads all buffers. `chunk` is the binary chunk of a GLB file, the buffer without a URI.
     pub fn read(root: &'a Root, folder: &Path, chunk: Option<&'a [u8]>) -> Result<Self, Fault> {
         let mut buffers = Vec::with_capacity(root.buffers.len());
-        let mut hash = 0;
+        let (mut hash, mut files) = (0, Vec::new());
         for (i, buffer) in root.buffers.iter().enumerate() {
             let what = format!("buffer {i}");
             let length = buffer.byte_length.0;
             let mut bytes: Cow<'a, [u8]> = match (&buffer.uri, chunk) {
                 (Some(uri), _) => {
-                    let bytes = read_uri(folder, uri, &what, MAX_BUFFER_BYTES)?;
+                    let (path, bytes) = read_uri(folder, uri, &what, MAX_BUFFER_BYTES)?;
+                    files.extend(path);
                     hash = hashed(hash, &bytes);
                     bytes.into()
                 }
@@ -181,6 +195,7 @@ impl<'a> Buffers<'a> {
         Ok(Self {
             root,
             buffers,
+            files,
             hash,
         })
     }
@@ -396,7 +411,11 @@ mod tests {
     fn uris_stay_in_the_folder() {
         let folder = tempfile::tempdir().expect("folder");
         std::fs::write(folder.path().join("a b.bin"), [1, 2]).expect("file");
-        let read = |uri: &str| read_uri(folder.path(), uri, "buffer 0", 10).map_err(|f| f.0);
+        let read = |uri: &str| {
+            read_uri(folder.path(), uri, "buffer 0", 10)
+                .map(|read| read.1)
+                .map_err(|f| f.0)
+        };
         assert_eq!(read("a%20b.bin").as_deref(), Ok(&[1, 2][..]));
         assert_eq!(
             read("data:application/octet-stream;base64,AQI=").as_deref(),

@@ -1,8 +1,10 @@
-//! Morph targets and skins: meshes whose vertices are elsewhere than in their file, or move while the shutter is open.
+//! Morph targets and skins: meshes whose vertices are elsewhere than in their file, or move while
+//! the shutter is open.
 //!
-//! A vertex is its place at rest, with what the morph targets add by their weights, taken along by the joints it hangs on (glTF
-//! 2.0, 3.7.3): the mean of their maps by its weights. Such vertices run along curves; they are read off at so many moments
-//! that the lines between stray from the curves by no more than a ten-thousandth of the mesh.
+//! A vertex is its place at rest, with what the morph targets add by their weights, taken along by
+//! the joints it hangs on (glTF 2.0, 3.7.3): the mean of their maps by its weights. Such vertices
+//! run along curves; they are read off at so many moments that the lines between stray from the
+//! curves by no more than a ten-thousandth of the mesh.
 
 use super::hierarchy::{Hierarchy, Place};
 use super::mesh::Arrays;
@@ -178,7 +180,8 @@ impl Reader<'_> {
             for u in [0.25, 0.5, 0.75] {
                 stray = stray.max(strayed(start, &end, &frame(at(u), false)?, u));
             }
-            // how far lines stray falls with the square of the steps; the parts of a long curve stray a little more than that
+            // how far lines stray falls with the square of the steps; the parts of a long curve
+            // stray a little more than that
             let steps = if stray > tolerance {
                 (1.3 * stray / tolerance).sqrt().ceil().min(MOST_STEPS) as u32
             } else {
@@ -278,7 +281,8 @@ impl State {
     }
 }
 
-/// The mean of the maps of the joints that a vertex hangs on; the first joint's where its weights are all 0.
+/// The mean of the maps of the joints that a vertex hangs on; the first joint's where its weights
+/// are all 0.
 fn blend(arrays: &Arrays, joints: &[DAffine3], v: usize) -> DAffine3 {
     let mut matrix3 = DMat3::ZERO;
     let mut translation = DVec3::ZERO;
@@ -302,7 +306,7 @@ fn blend(arrays: &Arrays, joints: &[DAffine3], v: usize) -> DAffine3 {
     }
 }
 
-/// What turns normals as `m` turns surfaces: the inverse transpose times the determinant.
+/// Matrix that turns normals as `m` turns surfaces: the inverse transpose times the determinant.
 fn cofactor(m: DMat3) -> DMat3 {
     let [a, b, c] = [m.x_axis, m.y_axis, m.z_axis];
     DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b))

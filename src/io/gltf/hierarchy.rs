@@ -1,7 +1,7 @@
 //! The nodes of a scene: who hangs on whom, and where each is over time.
 //!
-//! A node's place is a chain of maps from the world down. Maps that do not change while the shutter is open are multiplied
-//! on the way down; only the animated ones are kept apart.
+//! A node's place is a chain of maps from the world down. Maps that do not change while the shutter
+//! is open are multiplied on the way down; only the animated ones are kept apart.
 
 use super::animation::{AllMoves, keeps_its_size};
 use super::{Fault, Reader};
@@ -16,7 +16,8 @@ const LARGEST: f64 = 1e30;
 
 /// Most animated nodes above one another.
 const MAX_DEPTH: usize = 256;
-/// Steps over the shutter at which the motion of a camera or light under a changing or uneven scale is read off.
+/// Steps over the shutter at which the motion of a camera or light under a changing or uneven scale
+/// is read off.
 const STEPS: u32 = 1024;
 /// Deviation from a rotation that is rounding of a file's f32.
 const ROUNDING: f64 = 1e-5;
@@ -173,7 +174,8 @@ impl Hierarchy {
         })
     }
 
-    /// The motion of a camera or light, which has no size: only moved and turned. `None` if it does not move.
+    /// The motion of a camera or light, which has no size: only moved and turned. `None` if it does
+    /// not move.
     pub fn rigid_links(&self, place: Place) -> Option<Vec<Link>> {
         place.keyed?;
         let links = self.links(place);

@@ -1,16 +1,19 @@
-//! Materials of a glTF file: metallic-roughness and its extensions, as mixtures of the lobes there are.
+//! Materials of a glTF file: metallic-roughness and its extensions, as mixtures of the lobes there
+//! are.
 //!
-//! A dielectric is a diffuse base under a GGX layer; a metal reflects its base color at normal incidence. Transmission is
-//! a solid where the material has a thickness and its mesh is closed, else a thin sheet.
+//! A dielectric is a diffuse base under a GGX layer; a metal reflects its base color at normal
+//! incidence. Transmission is a solid where the material has a thickness and its mesh is closed,
+//! else a thin sheet.
 
 use super::buffers::read_uri;
+use super::glass::has_volume;
 use super::{Fault, Reader, hashed};
-use crate::bsdf::coated::Coat;
-use crate::io::image_file::{self, MAX_IMAGE_BYTES};
+use crate::bsdf::lobe::coated::Coat;
+use crate::io::image_file::{self, Encoding, MAX_IMAGE_BYTES};
 use crate::material::{Coverage, LobeSpec, Material, NormalMap};
-use crate::medium::{Medium, absorption_of};
+use crate::medium::Medium;
 use crate::scene::description::AreaEmission;
-use crate::spectrum::{Curve, Emission, Ior, Library, upsample};
+use crate::spectrum::{Curve, Emission, upsample};
 use crate::texture::{Filter, Image, ImageTexture, ScalarTexture, SpectrumTexture, Wrap};
 use glam::{DAffine2, DMat2, DVec2};
 use gltf::json::extensions::texture::TextureTransform;
@@ -23,8 +26,8 @@ use std::sync::Arc;
 
 /// Radiance with Y = 1 in cd/m²: glTF counts in nit.
 pub const PER_NIT: f64 = 1.0 / (683.0 * crate::spectrum::cie::N_Y);
-/// Range in which a Cauchy formula is taken to hold.
-const RANGE_NM: [f64; 2] = [100.0, 20_000.0];
+/// Reflectance at normal incidence from which a layer is a mirror.
+const MIRROR: f64 = 0.98;
 
 /// Images decoded so far, by number and encoding.
 #[derive(Default)]
@@ -34,24 +37,12 @@ pub struct Images {
 
 /// A material on one kind of mesh.
 pub struct Converted {
-    /// Its lobes.
+    /// Lobes of the material.
     pub material: Material,
-    /// What it emits.
+    /// Emission of the surface.
     pub emission: Option<AreaEmission>,
-    /// What fills the mesh.
+    /// Medium that fills the mesh.
     pub interior: Option<Medium>,
-}
-
-/// Whether the material fills the inside of a closed mesh.
-pub fn has_volume(source: &Source) -> bool {
-    let extensions = source.extensions.as_ref();
-    let transmits = extensions
-        .and_then(|e| e.transmission.as_ref())
-        .is_some_and(|t| t.transmission_factor.0 > 0.0);
-    let thick = extensions
-        .and_then(|e| e.volume.as_ref())
-        .is_some_and(|v| v.thickness_factor.0 > 0.0);
-    transmits && thick
 }
 
 /// The set of texture coordinates that the material uses first.
@@ -83,7 +74,7 @@ fn transform_of(info: &Info) -> Option<&TextureTransform> {
     info.extensions.as_ref()?.texture_transform.as_ref()
 }
 
-fn finite(value: f32, what: &str) -> Result<f64, Fault> {
+pub fn finite(value: f32, what: &str) -> Result<f64, Fault> {
     if value.is_finite() {
         Ok(value.into())
     } else {
@@ -91,12 +82,19 @@ fn finite(value: f32, what: &str) -> Result<f64, Fault> {
     }
 }
 
-/// A factor of 0..1.
-fn fraction(value: f32, what: &str) -> Result<f64, Fault> {
-    Ok(finite(value, what)?.clamp(0.0, 1.0))
-}
-
 impl Reader<'_> {
+    /// A factor of 0..1.
+    fn fraction(&mut self, value: f32, what: &str) -> Result<f64, Fault> {
+        let value = finite(value, what)?;
+        let held = value.clamp(0.0, 1.0);
+        if held != value {
+            self.note(format!(
+                "{what} {value} is taken as {held} (allowed: 0 to 1)"
+            ));
+        }
+        Ok(held)
+    }
+
     fn image(&mut self, index: usize, srgb: bool) -> Result<Arc<Image>, Fault> {
         if let Some(image) = self.images.decoded.get(&(index, srgb)) {
             return Ok(image.clone());
@@ -110,16 +108,26 @@ impl Reader<'_> {
         let held;
         let bytes = match (&source.uri, source.buffer_view) {
             (Some(uri), _) => {
-                held = read_uri(self.folder, uri, &what, MAX_IMAGE_BYTES)?;
+                let path;
+                (path, held) = read_uri(self.folder, uri, &what, MAX_IMAGE_BYTES)?;
+                self.model.files.extend(path);
                 &held
             }
             (None, Some(view)) => self.buffers.view(view)?.0,
             (None, None) => return Err(Fault::new(format!("{what} has no bytes"))),
         };
-        let decoded = image_file::decode(bytes, srgb)
+        let encoding = if srgb {
+            Encoding::Srgb
+        } else {
+            Encoding::Linear
+        };
+        let decoded = image_file::decode(bytes, encoding)
             .map_err(|message| Fault::new(format!("{what}: {message}")))?;
         self.model.hash = hashed(self.model.hash, bytes);
-        let decoded = Arc::new(decoded);
+        for note in decoded.notes {
+            self.note(format!("{what}: {note}"));
+        }
+        let decoded = Arc::new(decoded.image);
         self.images.decoded.insert((index, srgb), decoded.clone());
         Ok(decoded)
     }
@@ -129,13 +137,24 @@ impl Reader<'_> {
         index: Index<texture::Texture>,
         transform: Option<&TextureTransform>,
         srgb: bool,
-    ) -> Result<ImageTexture, Fault> {
+    ) -> Result<Option<ImageTexture>, Fault> {
         let i = index.value();
         let source = self
             .root
             .textures
             .get(i)
             .ok_or_else(|| Fault::missing("texture", i))?;
+        // what the typed JSON has where the file has no source
+        if source.source.value() == u32::MAX as usize {
+            let others = source.extensions.as_ref().map(|e| e.others.keys());
+            let named: Vec<String> = others.into_iter().flatten().cloned().collect();
+            let named = match named.as_slice() {
+                [] => "it has no image".to_owned(),
+                names => format!("its image is named by {} only", names.join(", ")),
+            };
+            self.note(format!("texture {i} is not read: {named}"));
+            return Ok(None);
+        }
         let image = self.image(source.source.value(), srgb)?;
         let sampler = match source.sampler {
             None => None,
@@ -154,7 +173,7 @@ impl Reader<'_> {
         let nearest = sampler
             .and_then(|s| s.mag_filter)
             .is_some_and(|f| matches!(f, Checked::Valid(MagFilter::Nearest)));
-        Ok(ImageTexture {
+        Ok(Some(ImageTexture {
             map: coordinate_map(transform)?,
             wrap: sampler.map_or([Wrap::Repeat; 2], |s| [wrap(s.wrap_s), wrap(s.wrap_t)]),
             filter: if nearest {
@@ -163,11 +182,15 @@ impl Reader<'_> {
                 Filter::Bilinear
             },
             ..ImageTexture::new(image)
-        })
+        }))
     }
 
-    fn info(&mut self, info: &Info, srgb: bool) -> Result<ImageTexture, Fault> {
-        self.texture(info.index, transform_of(info), srgb)
+    /// The texture, where there is one and it has an image.
+    fn info(&mut self, info: Option<&Info>, srgb: bool) -> Result<Option<ImageTexture>, Fault> {
+        match info {
+            None => Ok(None),
+            Some(info) => self.texture(info.index, transform_of(info), srgb),
+        }
     }
 
     /// One channel of a texture, or 1.
@@ -177,26 +200,26 @@ impl Reader<'_> {
         info: Option<&Info>,
         channel: usize,
     ) -> Result<ScalarTexture, Fault> {
-        let Some(info) = info else {
-            return Ok(factor.into());
-        };
-        let texture = self.info(info, false)?;
-        Ok(ScalarTexture::Image { texture, channel }.times(factor))
+        Ok(match self.info(info, false)? {
+            None => factor.into(),
+            Some(texture) => ScalarTexture::Image { texture, channel }.times(factor),
+        })
     }
 
     /// The color of a factor and a texture.
     fn color(&mut self, factor: [f32; 3], info: Option<&Info>) -> Result<SpectrumTexture, Fault> {
-        for value in factor {
-            finite(value, "a color factor")?;
+        let mut held = factor;
+        for value in &mut held {
+            self.fraction(*value, "a color factor")?;
+            *value = value.clamp(0.0, 1.0);
         }
-        let factor = factor.map(|v| v.clamp(0.0, 1.0));
-        match info {
-            None => Ok(upsample::reflectance(factor.map(f64::from)).into()),
-            Some(info) => Ok(SpectrumTexture::Image {
-                texture: self.info(info, true)?,
-                factor,
-            }),
-        }
+        Ok(match self.info(info, true)? {
+            None => upsample::reflectance(held.map(f64::from)).into(),
+            Some(texture) => SpectrumTexture::Image {
+                texture,
+                factor: held,
+            },
+        })
     }
 
     /// A material for meshes that are `closed` or not.
@@ -232,15 +255,20 @@ impl Reader<'_> {
         let [r, g, b, a] = pbr.base_color_factor.0;
         let base = self.color([r, g, b], pbr.base_color_texture.as_ref())?;
         let mr = pbr.metallic_roughness_texture.as_ref();
-        let metallic = self.scalar(fraction(pbr.metallic_factor.0, "metallicFactor")?, mr, 2)?;
-        let roughness = self.scalar(fraction(pbr.roughness_factor.0, "roughnessFactor")?, mr, 1)?;
+        let metallic = self.fraction(pbr.metallic_factor.0, "metallicFactor")?;
+        let metallic = self.scalar(metallic, mr, 2)?;
+        let roughness = self.fraction(pbr.roughness_factor.0, "roughnessFactor")?;
+        let roughness = self.scalar(roughness, mr, 1)?;
         let alpha = roughness.clone().times(roughness);
         let alpha = [alpha.clone(), alpha];
         let index = match extensions.and_then(|e| e.ior.as_ref()) {
             None => 1.5,
             Some(ior) => {
                 let n = finite(ior.ior.0, "ior")?;
-                if !(1.0..=10.0).contains(&n) {
+                // 0 stands for an infinite index (KHR_materials_ior)
+                if n == 0.0 {
+                    f64::INFINITY
+                } else if !(1.0..=10.0).contains(&n) {
                     self.note(format!(
                         "material \"{name}\": ior {n} is taken as 1.5 (allowed: 1 to 10)"
                     ));
@@ -252,11 +280,10 @@ impl Reader<'_> {
         };
         let transmission = match extensions.and_then(|e| e.transmission.as_ref()) {
             None => ScalarTexture::Constant(0.0),
-            Some(t) => self.scalar(
-                fraction(t.transmission_factor.0, "transmissionFactor")?,
-                t.transmission_texture.as_ref(),
-                0,
-            )?,
+            Some(t) => {
+                let factor = self.fraction(t.transmission_factor.0, "transmissionFactor")?;
+                self.scalar(factor, t.transmission_texture.as_ref(), 0)?
+            }
         };
         let mut converted = Converted {
             material: Material::default(),
@@ -267,27 +294,41 @@ impl Reader<'_> {
         let opaque = dielectric.clone().times(transmission.complement());
         let transparent = dielectric.times(transmission);
         let unlit = extensions.is_some_and(|e| e.unlit.is_some());
+        if unlit || transparent.constant() == Some(0.0) {
+            self.misplaced_glass(&source.extras, &format!("material \"{name}\""));
+        }
         let lobes = &mut converted.material.lobes;
         if unlit {
             lobes.push((1.0.into(), LobeSpec::Diffuse { reflectance: base }));
         } else {
-            let (strength, tint) = self.specular(source)?;
-            lobes.push((
-                opaque.clone(),
-                LobeSpec::CoatedDiffuse {
-                    reflectance: base.clone(),
-                    coat: Coat::new(index, 1.0),
-                    strength: strength.clone(),
-                },
-            ));
-            lobes.push((
-                opaque.times(strength),
-                LobeSpec::Coat {
-                    index,
-                    alpha: alpha.clone(),
-                    tint,
-                },
-            ));
+            let (strength, layer, tint) = self.specular(source, index)?;
+            if layer.is_finite() {
+                lobes.push((
+                    opaque.clone(),
+                    LobeSpec::CoatedDiffuse {
+                        reflectance: base.clone(),
+                        coat: Coat::new(layer, 1.0),
+                        strength: strength.clone(),
+                        alpha: alpha.clone(),
+                    },
+                ));
+                lobes.push((
+                    opaque.times(strength),
+                    LobeSpec::Coat {
+                        index: layer,
+                        alpha: alpha.clone(),
+                        tint,
+                    },
+                ));
+            } else {
+                // nothing reaches the base below a layer that reflects all
+                let reflectance = base.clone();
+                let bare = opaque.clone().times(strength.complement());
+                lobes.push((bare, LobeSpec::Diffuse { reflectance }));
+                let alpha = alpha.clone();
+                let mirror = LobeSpec::ColoredMetal { color: tint, alpha };
+                lobes.push((opaque.times(strength), mirror));
+            }
             lobes.push((
                 metallic,
                 LobeSpec::ColoredMetal {
@@ -296,8 +337,20 @@ impl Reader<'_> {
                 },
             ));
             if transparent.constant() != Some(0.0) {
-                let glass = self.glass(source, name, index)?;
+                let explicit = extensions.is_some_and(|e| e.volume.is_some());
+                let glass_index = if index.is_finite() {
+                    index
+                } else {
+                    self.note(format!(
+                        "material \"{name}\": ior 0 is taken as 10 where it transmits"
+                    ));
+                    10.0
+                };
+                let glass = self.glass(source, name, glass_index)?;
                 if closed && has_volume(source) {
+                    if !explicit {
+                        self.note(format!("material \"{name}\" transmits and says nothing of a volume: closed meshes of it are solid (a KHR_materials_volume with thicknessFactor 0 makes thin sheets of them)"));
+                    }
                     converted.interior = Some(self.interior(source, name, glass)?);
                     lobes.push((
                         transparent,
@@ -308,7 +361,7 @@ impl Reader<'_> {
                         },
                     ));
                 } else {
-                    if has_volume(source) {
+                    if explicit && has_volume(source) {
                         self.note(format!("material \"{name}\" has a volume, but a mesh of it is not closed: rendered as a thin sheet"));
                     }
                     if alpha[0].constant() != Some(0.0) {
@@ -334,10 +387,9 @@ impl Reader<'_> {
                 .as_ref()
                 .and_then(|e| e.others.get("KHR_texture_transform"))
                 .and_then(|v| serde_json::from_value(v.clone()).ok());
-            converted.material.normal = Some(NormalMap {
-                texture: self.texture(normal.index, transform.as_ref(), false)?,
-                scale: finite(normal.scale, "the scale of a normal texture")?,
-            });
+            let scale = finite(normal.scale, "the scale of a normal texture")?;
+            let texture = self.texture(normal.index, transform.as_ref(), false)?;
+            converted.material.normal = texture.map(|texture| NormalMap { texture, scale });
         }
         let cutoff = match source.alpha_mode {
             Checked::Valid(AlphaMode::Mask) => Some(Some(finite(
@@ -348,10 +400,8 @@ impl Reader<'_> {
             _ => None,
         };
         if let Some(cutoff) = cutoff {
-            let coverage = self.scalar_of_alpha(
-                fraction(a, "the base color's alpha")?,
-                pbr.base_color_texture.as_ref(),
-            )?;
+            let factor = self.fraction(a, "the base color's alpha")?;
+            let coverage = self.scalar_of_alpha(factor, pbr.base_color_texture.as_ref())?;
             if converted.emission.is_some() || converted.interior.is_some() {
                 self.note(format!(
                     "material \"{name}\" emits or has a volume: its alpha is not read"
@@ -372,33 +422,37 @@ impl Reader<'_> {
         factor: f64,
         info: Option<&Info>,
     ) -> Result<ScalarTexture, Fault> {
-        let Some(info) = info else {
-            return Ok(factor.into());
-        };
-        let texture = self.info(info, true)?;
-        Ok(ScalarTexture::Image {
-            texture,
-            channel: 3,
-        }
-        .times(factor))
+        Ok(match self.info(info, true)? {
+            None => factor.into(),
+            Some(texture) => ScalarTexture::Image {
+                texture,
+                channel: 3,
+            }
+            .times(factor),
+        })
     }
 
-    /// Strength and tint of the layer's reflection.
-    fn specular(&mut self, source: &Source) -> Result<(ScalarTexture, SpectrumTexture), Fault> {
+    /// Strength, index and tint of the layer's reflection, for a material of index `index`. The
+    /// index is infinite where the layer reflects all at normal incidence, but for its tint.
+    fn specular(
+        &mut self,
+        source: &Source,
+        index: f64,
+    ) -> Result<(ScalarTexture, f64, SpectrumTexture), Fault> {
         let white = || Curve::Constant(1.0).into();
         let Some(specular) = source.extensions.as_ref().and_then(|e| e.specular.as_ref()) else {
-            return Ok((1.0.into(), white()));
+            return Ok((1.0.into(), index, white()));
         };
-        let strength = self.scalar(
-            fraction(specular.specular_factor.0, "specularFactor")?,
-            specular.specular_texture.as_ref(),
-            3,
-        )?;
-        let tint = self.color(
-            specular.specular_color_factor.0,
-            specular.specular_color_texture.as_ref(),
-        )?;
-        Ok((strength, tint))
+        let strength = self.fraction(specular.specular_factor.0, "specularFactor")?;
+        let strength = self.scalar(strength, specular.specular_texture.as_ref(), 3)?;
+        let mut color = specular.specular_color_factor.0;
+        for value in color {
+            finite(value, "specularColorFactor")?;
+        }
+        let (index, scale) = layer(index, color.iter().copied().fold(0.0, f32::max).into());
+        color = color.map(|v| (f64::from(v) * scale) as f32);
+        let tint = self.color(color, specular.specular_color_texture.as_ref())?;
+        Ok((strength, index, tint))
     }
 
     fn emission(&mut self, source: &Source) -> Result<Option<AreaEmission>, Fault> {
@@ -421,7 +475,8 @@ impl Reader<'_> {
         }
         let nit = strength * PER_NIT;
         let two_sided = source.double_sided;
-        let Some(info) = &source.emissive_texture else {
+        let texture = self.info(source.emissive_texture.as_ref(), true)?;
+        let Some(texture) = texture else {
             let radiance = Emission::from_rgb(factor.map(|v| f64::from(v) * nit));
             return Ok(Some(AreaEmission {
                 radiance,
@@ -430,7 +485,7 @@ impl Reader<'_> {
             }));
         };
         let pattern = SpectrumTexture::Image {
-            texture: self.info(info, true)?,
+            texture,
             factor: factor.map(|v| v / largest),
         };
         Ok((pattern.mean() > 0.0).then(|| AreaEmission {
@@ -439,74 +494,26 @@ impl Reader<'_> {
             two_sided,
         }))
     }
-
-    /// The glass: a real one by name, else the file's index with the dispersion it gives.
-    fn glass(&mut self, source: &Source, name: &str, index: f64) -> Result<Ior, Fault> {
-        let extras: Option<serde_json::Value> = source
-            .extras
-            .as_ref()
-            .and_then(|e| serde_json::from_str(e.get()).ok());
-        if let Some(glass) = extras.as_ref().and_then(|e| e.get("glass")?.as_str()) {
-            return Library::embedded()
-                .ior(glass)
-                .map_err(|e| Fault::new(format!("material \"{name}\", extras.glass: {e}")));
-        }
-        let dispersion = source
-            .extensions
-            .as_ref()
-            .and_then(|e| {
-                e.others
-                    .get("KHR_materials_dispersion")?
-                    .get("dispersion")?
-                    .as_f64()
-            })
-            .unwrap_or(0.0);
-        if dispersion <= 0.0 || index == 1.0 {
-            return Ok(Ior::constant(index));
-        }
-        let abbe = 20.0 / dispersion;
-        let coefficients = cauchy(index, abbe);
-        // the file's own digits
-        let shown = index as f32;
-        self.note(format!(
-            "material \"{name}\": a Cauchy glass with n_d {shown} and V_d {abbe:.1}, all that the file gives (extras.glass names a real one)"
-        ));
-        let ior = Ior::formula(5, vec![coefficients[0], coefficients[1], -2.0], RANGE_NM)
-            .map_err(|e| Fault::new(format!("material \"{name}\": {e}")))?;
-        ior.validate([360.0, 830.0])
-            .map_err(|e| Fault::new(format!("material \"{name}\": {e}")))?;
-        Ok(ior.named(format!("n_d {shown}, V_d {abbe:.1}"), "the model"))
-    }
-
-    fn interior(&mut self, source: &Source, name: &str, ior: Ior) -> Result<Medium, Fault> {
-        let mut absorption = None;
-        if let Some(volume) = source.extensions.as_ref().and_then(|e| e.volume.as_ref()) {
-            let distance = f64::from(volume.attenuation_distance.0);
-            let color = volume.attenuation_color.0;
-            for value in color {
-                finite(value, "attenuationColor")?;
-            }
-            if distance.is_finite() && distance > 0.0 && color != [1.0; 3] {
-                let transmittance = upsample::reflectance(color.map(f64::from));
-                absorption = Some(absorption_of(&transmittance, distance, [360.0, 830.0]));
-            }
-        }
-        Ok(Medium {
-            name: name.to_owned(),
-            ior,
-            absorption,
-            use_k: true,
-        })
-    }
 }
 
-/// n = A + B/λ² (µm) with index `n_d` at 587.56 nm and Abbe number `v_d`.
-fn cauchy(n_d: f64, v_d: f64) -> [f64; 2] {
-    const D: f64 = 0.587_561_8;
-    const F: f64 = 0.486_132_7;
-    const C: f64 = 0.656_272_5;
-    let b = (n_d - 1.0) / v_d / (F.powi(-2) - C.powi(-2));
-    [n_d - b * D.powi(-2), b]
+/// The index of a layer whose reflectance at normal incidence is that of `index`, times `strength`
+/// where that is above 1 or the index is infinite (KHR_materials_specular: no more than 1), and the
+/// factor that is left for its tint.
+fn layer(index: f64, strength: f64) -> (f64, f64) {
+    if index.is_finite() && strength <= 1.0 || strength <= 0.0 {
+        return (if index.is_finite() { index } else { 1.5 }, 1.0);
+    }
+    let root = if index.is_finite() {
+        (index - 1.0) / (index + 1.0)
+    } else {
+        1.0
+    };
+    let reflectance = (root * root * strength).min(1.0);
+    if reflectance > MIRROR {
+        return (f64::INFINITY, reflectance / strength);
+    }
+    let root = reflectance.sqrt();
+    ((1.0 + root) / (1.0 - root), 1.0 / strength)
 }
 
 /// From the coordinates of the file (v downward) to those of an image here (v upward).
@@ -535,12 +542,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cauchy_has_the_index_and_abbe_number_asked_for() {
-        let [a, b] = cauchy(1.6, 30.0);
-        let n = |um: f64| a + b / (um * um);
-        assert!((n(0.587_561_8) - 1.6).abs() < 1e-12);
-        let v = (n(0.587_561_8) - 1.0) / (n(0.486_132_7) - n(0.656_272_5));
-        assert!((v - 30.0).abs() < 1e-9);
+    fn layers_reflect_what_the_file_says() {
+        let normal = |n: f64| ((n - 1.0) / (n + 1.0)).powi(2);
+        assert_eq!(layer(1.5, 0.5), (1.5, 1.0));
+        let (n, scale) = layer(1.5, 4.0);
+        assert!((normal(n) - 0.16).abs() < 1e-12 && scale == 0.25);
+        let (n, scale) = layer(f64::INFINITY, 0.5);
+        assert!((normal(n) - 0.5).abs() < 1e-12 && scale == 2.0);
+        assert_eq!(layer(f64::INFINITY, 1.0), (f64::INFINITY, 1.0));
+        assert_eq!(layer(1.5, 100.0), (f64::INFINITY, 0.01));
+        assert_eq!(layer(f64::INFINITY, 0.0), (1.5, 1.0));
     }
 
     #[test]

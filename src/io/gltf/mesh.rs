@@ -22,7 +22,7 @@ pub struct Arrays {
     pub joints: Vec<Joints>,
 }
 
-/// What a morph target adds, one per vertex.
+/// Offsets of a morph target, one per vertex.
 #[derive(Clone, Debug)]
 pub struct Target {
     pub positions: Vec<[f32; 3]>,
@@ -38,7 +38,8 @@ pub struct Joints {
 
 type Accessors = Index<Accessor>;
 
-/// Reads accessors of a primitive, checks their lengths, and keeps the entries of vertices that are used.
+/// Reads accessors of a primitive, checks their lengths, and keeps the entries of vertices that are
+/// used.
 struct Picker<'r, 'a> {
     reader: &'r Reader<'a>,
     what: &'r str,

@@ -1,11 +1,13 @@
 //! glTF 2.0 (`.gltf`, `.glb`), read through the typed JSON of the `gltf` crate.
 //!
-//! The crate's own walk over a file trusts its indices; here every index, range and count is checked as it is used, so that
-//! whatever the bytes, the result is a model or a [`Fault`]. Candela, lux and nit are photometric, shaped by D65.
+//! The crate's own walk over a file trusts its indices; here every index, range and count is
+//! checked as it is used, so that whatever the bytes, the result is a model or a [`Fault`].
+//! Candela, lux and nit are photometric, shaped by D65.
 
 mod animation;
 mod buffers;
 mod deform;
+mod glass;
 mod hierarchy;
 mod material;
 mod mesh;
@@ -39,7 +41,7 @@ const UNDERSTOOD: [&str; 12] = [
 /// Most triangles of all meshes together.
 const MAX_TRIANGLES: usize = 100 << 20;
 
-/// What is wrong with a file, in words.
+/// Fault of a file, in words.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault(pub String);
 
@@ -53,7 +55,7 @@ impl Fault {
     }
 }
 
-/// What reading needs and gathers.
+/// State of a reading: what it needs and gathers.
 struct Reader<'a> {
     root: &'a Root,
     buffers: &'a Buffers<'a>,
@@ -75,10 +77,11 @@ impl Reader<'_> {
     }
 }
 
-/// Reads the bytes of a file whose URIs are relative to `folder`, placed in space and time by `staging`.
+/// Reads the bytes of a file whose URIs are relative to `folder`, placed in space and time by
+/// `staging`.
 ///
 /// # Errors
-/// What is wrong, in words, without the file's name.
+/// Fault, in words, without the file's name.
 pub fn read(bytes: &[u8], folder: &Path, staging: &Staging) -> Result<Model, String> {
     parse(bytes, folder, staging).map_err(|fault| fault.0)
 }
@@ -126,6 +129,7 @@ fn parse(bytes: &[u8], folder: &Path, staging: &Staging) -> Result<Model, Fault>
         folder,
         staging,
         model: Model {
+            files: buffers.files.clone(),
             hash: buffers.hash,
             ..Model::default()
         },
@@ -165,12 +169,9 @@ fn container(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Fault> {
             bytes.len()
         )));
     }
-    let chunk = |at: usize, kind: u32| -> Result<&[u8], Fault> {
+    let chunk = |at: usize| -> Result<&[u8], Fault> {
         let size = word(at).ok_or_else(truncated)? as usize;
-        if word(at + 4) != Some(kind) {
-            return Err(Fault::new(format!("unknown GLB chunk at byte {at}")));
-        }
-        let start = at + 8;
+        let start = at.checked_add(8).ok_or_else(truncated)?;
         let end = start.checked_add(size).ok_or_else(truncated)?;
         bytes.get(start..end).ok_or_else(|| {
             Fault::new(format!(
@@ -179,13 +180,32 @@ fn container(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Fault> {
             ))
         })
     };
-    let json = chunk(12, u32::from_le_bytes(*b"JSON"))?;
-    // chunks are padded to words
-    let next = 20 + json.len().next_multiple_of(4);
-    let binary = (next + 8 <= bytes.len())
-        .then(|| chunk(next, u32::from_le_bytes(*b"BIN\0")))
-        .transpose()?;
-    Ok((json, binary))
+    let is =
+        |at: usize, kind: &[u8; 4]| word(at.saturating_add(4)) == Some(u32::from_le_bytes(*kind));
+    if !is(12, b"JSON") {
+        return Err(Fault::new("the first GLB chunk is not JSON"));
+    }
+    let json = chunk(12)?;
+    let mut end = 20 + json.len();
+    loop {
+        // chunks are padded to words; some writers leave that out, and the next one follows
+        // directly
+        let padded = end.next_multiple_of(4);
+        let next = if is(padded, b"BIN\0") || !is(end, b"BIN\0") {
+            padded
+        } else {
+            end
+        };
+        if next.saturating_add(8) > bytes.len() {
+            return Ok((json, None));
+        }
+        let found = chunk(next)?;
+        if is(next, b"BIN\0") {
+            return Ok((json, Some(found)));
+        }
+        // chunks of unknown types are to be ignored (glTF 2.0, 4.4.3.1)
+        end = next + 8 + found.len();
+    }
 }
 
 /// A hash of further bytes.

@@ -2,15 +2,16 @@
 
 use super::animation::AllMoves;
 use super::deform::{self, Deformation};
+use super::glass::has_volume;
 use super::hierarchy::{Hierarchy, Place, rigid};
-use super::material::{Converted, PER_NIT, coordinate_set, has_volume};
+use super::material::{Converted, PER_NIT, coordinate_set};
 use super::mesh::Arrays;
 use super::{Fault, MAX_TRIANGLES, Reader};
 use crate::geometry::deforming::DeformingError;
 use crate::geometry::{Mesh, MeshError, Shape, Shutter, Transform};
-use crate::io::model::{ModelCamera, Projection};
+use crate::io::model::{Model, ModelCamera, Projection};
 use crate::light::Light;
-use crate::light::spot::SpotLight;
+use crate::light::spot::{Falloff, SpotLight};
 use crate::material::MaterialId;
 use crate::medium::{Boundary, MediumId};
 use crate::scene::description::{AreaEmission, LightDescription, ObjectDescription};
@@ -39,7 +40,7 @@ type Known = (MaterialId, Option<AreaEmission>, Option<MediumId>);
 /// The arrays of a mesh by material.
 type ByMaterial = Vec<(Option<usize>, Arrays)>;
 
-/// What has been made of meshes and materials so far.
+/// Meshes and materials made so far.
 #[derive(Default)]
 struct Made {
     /// Of meshes as they are in the file.
@@ -81,8 +82,14 @@ impl Reader<'_> {
         for &i in &hierarchy.order {
             self.node(i, &hierarchy, &moves, &mut made)?;
         }
-        if self.model.objects.is_empty() {
-            return Err(Fault::new("the scene has no triangles"));
+        let Model {
+            objects,
+            lights,
+            cameras,
+            ..
+        } = &self.model;
+        if objects.is_empty() && lights.is_empty() && cameras.is_empty() {
+            return Err(Fault::new("the scene has no triangles, lights or cameras"));
         }
         Ok(())
     }
@@ -99,6 +106,7 @@ impl Reader<'_> {
             return Ok(());
         };
         let name = node.name.clone().unwrap_or_else(|| format!("node {i}"));
+        self.misplaced_glass(&node.extras, &format!("node \"{name}\""));
         if let Some(mesh) = node.mesh {
             let weights = moves.get(&i).and_then(|m| m.weights.as_ref());
             match self.deformation(node, i, weights, hierarchy)? {
@@ -189,6 +197,7 @@ impl Reader<'_> {
                 let cone = SpotLight {
                     cone_rad: outer,
                     falloff_start_rad: inner,
+                    falloff: Falloff::Square,
                 };
                 Light::spot(position, direction, emission, cone)
             }
@@ -305,16 +314,19 @@ impl Reader<'_> {
         }
     }
 
-    /// The arrays of a mesh: primitives of one material are one, so that a solid may be made of several.
+    /// The arrays of a mesh: primitives of one material are one, so that a solid may be made of
+    /// several.
     fn arrays(&mut self, index: usize, made: &mut Made) -> Result<ByMaterial, Fault> {
         let root = self.root;
         let mesh = root
             .meshes
             .get(index)
             .ok_or_else(|| Fault::missing("mesh", index))?;
+        self.misplaced_glass(&mesh.extras, &format!("mesh {index}"));
         let mut by_material: BTreeMap<Option<usize>, Option<Arrays>> = BTreeMap::new();
         for (i, primitive) in mesh.primitives.iter().enumerate() {
             let what = format!("mesh {index}, primitive {i}");
+            self.misplaced_glass(&primitive.extras, &what);
             let id = primitive.material.map(|m| m.value());
             let source = self.source(id)?;
             let Some(arrays) = self.primitive(primitive, coordinate_set(&source), &what)? else {
@@ -339,7 +351,8 @@ impl Reader<'_> {
         Ok(by_material.into_iter().filter_map(some).collect())
     }
 
-    /// A shape with its material; `None` if it has no area. `given`: its triangles, and whether it has texture coordinates.
+    /// A shape with its material; `None` if it has no area. `given`: its triangles, and whether it
+    /// has texture coordinates.
     fn part(
         &mut self,
         index: usize,

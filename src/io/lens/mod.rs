@@ -1,8 +1,9 @@
 //! Lens prescriptions made elsewhere: Zemax `.zmx`, CODE V `.seq`, optiland `.json`.
 //!
-//! What a reader does not know and what bends rays is refused by name and line; what does not matter here is passed over
-//! and, where it might be missed, said in [`Prescription::notes`]. Glasses come from the library, by catalog where the file
-//! names one; a glass that is not there is an error with near names.
+//! Anything unknown that bends rays is refused by name and line; what does not matter here is
+//! passed over and, where it might be missed, said in [`Prescription::notes`]. Glasses come from
+//! the library, by catalog where the file names one; a glass that is not there is an error with
+//! near names.
 
 mod glass;
 pub mod optiland;

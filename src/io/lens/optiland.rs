@@ -1,7 +1,7 @@
 //! Lenses as optiland writes them: JSON with surfaces placed in the coordinates of the system.
 //!
-//! The numbers Infinity and NaN, which JSON has not, are read. Rotations are right-handed, about x, then y, then z of the
-//! system. Errors name the surface, and the line where JSON itself is broken.
+//! The numbers Infinity and NaN, which JSON has not, are read. Rotations are right-handed, about x,
+//! then y, then z of the system. Errors name the surface, and the line where JSON itself is broken.
 
 use super::glass;
 use super::{LensError, MAX_COEFFICIENTS, MAX_SURFACES};
@@ -326,7 +326,8 @@ fn wavelengths(json: &Value) -> Found<(Vec<Wavelength>, usize)> {
             Value::Null => 1.0,
             _ => finite(row, "weight")?,
         };
-        // the product of a decimal and a power of ten, as if the decimal had been written in nanometers
+        // the product of a decimal and a power of ten, as if the decimal had been written in
+        // nanometers
         let nm = (finite(row, "value")? * nm * 1e6).round() / 1e6;
         out.push(Wavelength { nm, weight });
     }

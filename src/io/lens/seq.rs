@@ -1,7 +1,8 @@
 //! CODE V command sequences (`.seq`): rotationally symmetric surfaces, decenters and tilts.
 //!
-//! Commands end at `;` or the end of a line, `&` continues a line, `!` begins a remark. Tilts ADE and BDE are left-handed,
-//! CDE is right-handed; DAR undoes a decenter after the surface, BEN tilts again after a mirror. Asphere A is that of r^4.
+//! Commands end at `;` or the end of a line, `&` continues a line, `!` begins a remark. Tilts ADE
+//! and BDE are left-handed, CDE is right-handed; DAR undoes a decenter after the surface, BEN tilts
+//! again after a mirror. Asphere A is that of r^4.
 
 use super::glass;
 use super::{LensError, MAX_SURFACES, number};

@@ -1,7 +1,8 @@
 //! Zemax OpticStudio lens files (`.zmx`), sequential.
 //!
-//! One keyword a line; `SURF` begins a surface. Read: STANDARD, EVENASPH, ODDASPHE, TOROIDAL and COORDBRK surfaces (a missing
-//! TYPE is STANDARD), circular, annular and rectangular apertures, glasses by the catalogs of GCAT, mirrors, model glasses.
+//! One keyword a line; `SURF` begins a surface. Read: STANDARD, EVENASPH, ODDASPHE, TOROIDAL and
+//! COORDBRK surfaces (a missing TYPE is STANDARD), circular, annular and rectangular apertures,
+//! glasses by the catalogs of GCAT, mirrors, model glasses.
 
 use super::glass;
 use super::{LensError, MAX_COEFFICIENTS, MAX_SURFACES, number};

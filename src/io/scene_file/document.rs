@@ -136,9 +136,13 @@ pub fn parse(source: &Source) -> Result<DeTable<'_>, SceneFileErrors> {
     }
 }
 
-/// Replaces or adds the values of the source's overrides. A key is dotted (`render.spp`); a list element is named by its
-/// index from 0 or by its `name` (`object.0.material`, `object.lens.material`). Whether the last key exists is left to the
-/// reader, which reports unknown keys.
+/// Most parts of the key of an override.
+const MAX_STEPS: usize = 32;
+
+/// Replaces or adds the values of the source's overrides. A key is dotted (`render.spp`); a list
+/// element is named by its index from 0 or by its `name` (`object.0.material`,
+/// `object.lens.material`). Whether the last key exists is left to the reader, which reports
+/// unknown keys.
 pub fn apply_overrides<'s>(
     document: &mut DeTable<'s>,
     source: &'s Source,
@@ -162,6 +166,13 @@ fn set<'s>(
         return Err(Problem::Form(
             "the key has an empty part (allowed: names and indices joined by dots)".to_owned(),
         ));
+    }
+    // what nests deeper than any scene would take the stack along
+    if steps.len() > MAX_STEPS {
+        return Err(Problem::Form(format!(
+            "the key has {} parts (allowed: at most {MAX_STEPS})",
+            steps.len()
+        )));
     }
     let span = value.span();
     let new_table = || Spanned::new(span.clone(), DeValue::Table(DeTable::new()));
@@ -225,7 +236,8 @@ fn no_list(document: &DeTable<'_>, name: &str) -> Problem {
     ))
 }
 
-/// A hash of what the document says without its `[render]` table: comments, order of keys and layout do not matter.
+/// A hash of what the document says without its `[render]` table: comments, order of keys and
+/// layout do not matter.
 #[must_use]
 pub fn scene_hash(document: &DeTable<'_>) -> u64 {
     let scene = document.iter().filter(|(key, _)| key.get_ref() != "render");

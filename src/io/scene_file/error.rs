@@ -6,7 +6,7 @@ use crate::io::files::FileProblem;
 use std::fmt;
 use strsim::levenshtein;
 
-/// What is wrong at one place of a scene file.
+/// Fault at one place of a scene file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Problem {
     /// Not TOML, or a value of the wrong type or form.
@@ -69,6 +69,12 @@ impl Problem {
         }
     }
 
+    /// A file that is not there, named on the command line.
+    #[must_use]
+    pub fn no_file() -> Self {
+        Self::Form("there is no such file (paths are relative to the working directory)".to_owned())
+    }
+
     /// The problem behind a message of the TOML parser.
     #[must_use]
     pub fn from_message(message: &str) -> Self {
@@ -94,6 +100,9 @@ fn nearest(name: &str, known: &[String]) -> Option<String> {
         .map(|(_, k)| k.clone())
 }
 
+/// Most letters of an override in a message.
+const MOST_SHOWN: usize = 200;
+
 /// Where a problem is.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Place {
@@ -117,7 +126,7 @@ pub struct SceneFileError {
     pub file: String,
     /// Where.
     pub place: Place,
-    /// What.
+    /// The fault.
     pub problem: Problem,
 }
 
@@ -128,7 +137,10 @@ impl fmt::Display for SceneFileError {
             Place::At { line, column } => {
                 write!(f, "{}:{line}:{column}: {}", self.file, self.problem)
             }
-            Place::Override(text) => write!(f, "--set {text}: {}", self.problem),
+            Place::Override(text) => {
+                let shown: String = text.chars().take(MOST_SHOWN).collect();
+                write!(f, "--set {shown}: {}", self.problem)
+            }
         }
     }
 }
@@ -166,6 +178,30 @@ impl SceneFileErrors {
                 problem,
             }],
             more: 0,
+        }
+    }
+
+    /// The same about a model, whose scene nobody has written: without places in that.
+    #[must_use]
+    pub fn of_model(self) -> Self {
+        let told = self.told.into_iter().map(|error| {
+            if matches!(error.place, Place::Override(_)) {
+                return error;
+            }
+            let problem = match error.problem {
+                Problem::File(FileProblem::Missing(_)) => Problem::no_file(),
+                Problem::File(FileProblem::Bad { message, .. }) => Problem::Form(message),
+                other => other,
+            };
+            SceneFileError {
+                place: Place::File,
+                problem,
+                ..error
+            }
+        });
+        Self {
+            told: told.collect(),
+            more: self.more,
         }
     }
 

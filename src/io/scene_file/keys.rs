@@ -1,5 +1,5 @@
-//! Keys: what a table may hold. One declaration ([`keys!`]) is read by the reader and printed by the
-//! reference, so that neither can know a key that the other does not.
+//! Keys: what a table may hold. One declaration ([`keys!`]) is read by the reader and printed by
+//! the reference, so that neither can know a key that the other does not.
 
 use super::document::Node;
 use super::error::Problem;
@@ -69,7 +69,7 @@ pub struct Spec {
     pub range: Option<Range>,
 }
 
-/// What may stand for a value.
+/// Kind of a value.
 #[derive(Clone, Debug)]
 pub enum Form {
     /// A number, in a unit where the form has one.
@@ -101,9 +101,9 @@ pub enum Form {
 pub struct Kind {
     /// Name.
     pub name: &'static str,
-    /// What such a table is.
+    /// Description of such a table.
     pub help: &'static str,
-    /// Its keys.
+    /// Keys of the table.
     pub keys: fn() -> Vec<Key>,
 }
 
@@ -112,34 +112,34 @@ pub struct Kind {
 pub struct Key {
     /// Name.
     pub name: &'static str,
-    /// What may stand for its value.
+    /// Kind of its value.
     pub form: Form,
     /// Range of its numbers.
     pub range: Option<Range>,
     /// Unit, where it is not that of the form.
     pub unit: Option<&'static str>,
-    /// What holds where it is left out; `None`: it is required.
+    /// Default, in words; `None`: the key is required.
     pub default: Option<String>,
-    /// What it says.
+    /// Meaning of the key.
     pub help: &'static str,
 }
 
 /// A type that a value of a scene file is read as.
 pub trait Value: Sized {
-    /// What may stand for it.
+    /// Kind of the value.
     fn form() -> Form;
 
     /// Reads it; `None` where it cannot be made sense of, which has been reported. (A number out of
     /// range is reported and given all the same.)
     fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self>;
 
-    /// What stands for a key that is left out.
+    /// Default of a key that is left out.
     fn absent(table: &Table<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
         table.missing(spec.name, cx);
         None
     }
 
-    /// What the reference says of a key that is left out; `None`: it is required.
+    /// Default in the words of the reference; `None`: the key is required.
     fn default_text() -> Option<String> {
         None
     }
@@ -189,7 +189,7 @@ pub trait Build: Keys {
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Self::Output>;
 }
 
-/// What a table of the kind `K` has become.
+/// Values read from a table of the kind `K`.
 pub struct Built<K: Build>(pub K::Output);
 
 impl<K: Build> Value for Built<K> {
@@ -226,7 +226,7 @@ pub fn first_given<K>(choices: impl IntoIterator<Item = Option<K>>) -> Option<K>
 #[derive(Debug)]
 pub struct Table<'d> {
     entries: &'d DeTable<'d>,
-    /// Its place.
+    /// Place of the table.
     pub at: Span<usize>,
     /// Whether it has keys that nobody asks for.
     strange: bool,
@@ -317,8 +317,8 @@ impl<'d> Table<'d> {
         }
     }
 
-    /// `Some` if nothing was reported since reading of the table began: constructors of the renderer
-    /// take valid values only.
+    /// `Some` if nothing was reported since reading of the table began: constructors of the
+    /// renderer take valid values only.
     pub fn sound(&self, cx: &Reader<'_>) -> Option<()> {
         (cx.error_count() == self.errors_before).then_some(())
     }

@@ -5,6 +5,7 @@ use super::keys::{
     Build, Built, Form, Given, Keys, POSITIVE, Range, Spec, Table, Value, first_given, keys,
 };
 use super::motion::Motion;
+use super::object::MediumUse;
 use super::reader::Reader;
 use super::spectrum::Emitted;
 use super::texture::image;
@@ -13,7 +14,9 @@ use super::value::{At, Direction, FileName, Length, Name, Point, items};
 use crate::io::model::studio;
 use crate::light::Light;
 use crate::light::environment_image::EnvironmentImage;
-use crate::light::spot::SpotLight;
+use crate::light::spot::{Falloff, SpotLight};
+use crate::medium::MediumId;
+use crate::scene::Subject;
 use crate::scene::description::LightDescription;
 use crate::spectrum::Emission;
 use glam::DVec3;
@@ -71,6 +74,7 @@ impl Build for SpotKeys {
         let cone = SpotLight {
             cone_rad: outer.to_radians(),
             falloff_start_rad: inner.to_radians(),
+            falloff: Falloff::SmoothStep,
         };
         let (position, direction) = (self.position.0, self.direction.0);
         Some(Light::spot(position, direction, self.intensity.0, cone))
@@ -129,8 +133,8 @@ keys! {
     EnvironmentKeys = "environment" {
         /// Radiance as it arrives at the scene, the same from everywhere, or factor on the image.
         radiance: Option<Emitted>, unit "W/(m² sr nm)", or "with `image`: white of Y = 1";
-        /// OpenEXR, PNG or JPEG file of linear sRGB around the scene, row 0 up (+y), its middle
-        /// towards -z, or `"builtin:studio"`, a gray room with lamps.
+        /// OpenEXR, Radiance HDR, PNG or JPEG file of linear sRGB around the scene, row 0 up (+y),
+        /// its middle towards -z, or `"builtin:studio"`, a gray room with lamps.
         image: Option<At<FileName>>, or "none";
         /// With `image`: turns it about x, then y, then z.
         euler_deg: Option<[f64; 3]>, unit "degrees", or "[0, 0, 0]";
@@ -185,13 +189,15 @@ keys! {
         beam: Option<Given<BeamKeys>>;
         /// Light from all around.
         environment: Option<Given<EnvironmentKeys>>;
-        /// What moves it, without `scale`; of the motion of an environment only turns matter.
+        /// Motion, without `scale`; of the motion of an environment only turns matter.
         motion: Motion<false>;
+        /// The medium it is in; checked, and needed only where solids are open.
+        medium: Option<MediumUse>, or "what is there";
     }
 }
 
 impl Build for LightKeys {
-    type Output = (Option<String>, Light);
+    type Output = (Option<String>, Light, Option<MediumId>);
 
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Self::Output> {
         table.exactly_one(&LIGHTS, "light", cx)?;
@@ -214,7 +220,7 @@ impl Build for LightKeys {
         } else {
             light.under(&self.motion.0, cx.shutter.unwrap_or_default())
         };
-        Some((self.name.map(|n| n.0), light))
+        Some((self.name.map(|n| n.0), light, self.medium.map(|m| m.0)))
     }
 }
 
@@ -237,9 +243,12 @@ impl Value for Lights {
     fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
         let mut lights = Vec::new();
         for (i, item) in items(node, "an array", cx)?.into_iter().enumerate() {
-            let Some(Built((name, light))) = Built::<LightKeys>::read(item, spec, cx) else {
+            let Some(Built((name, light, medium))) = Built::<LightKeys>::read(item, spec, cx)
+            else {
                 continue;
             };
+            let subject = Subject::Light(lights.len());
+            cx.named_media.extend(medium.map(|m| (subject, m)));
             lights.push(At {
                 value: LightDescription {
                     name: name.unwrap_or_else(|| format!("light {i}")),

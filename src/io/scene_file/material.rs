@@ -11,19 +11,16 @@ use super::reader::{Reader, definitions};
 use super::spectrum::Reflectance;
 use super::texture::{Scalar, Scalars, Texture};
 use super::value::{At, GlassName, MetalName};
-use crate::bsdf::coated::Coat;
-use crate::material::{Coverage, LobeSpec, Material, MaterialId, NormalMap};
+use crate::bsdf::lobe::coated::Coat;
+use crate::material::{Coverage, LobeSpec, MAX_LOBES, Material, MaterialId, NormalMap};
 use crate::spectrum::{Curve, Ior};
 use crate::texture::ScalarTexture;
 use std::ops::Range as Span;
 
-/// Most lobes of a material.
-const MAX_LOBES: usize = 4;
-
-/// What uses of a material need to know of it.
+/// Facts of a material that its uses need.
 #[derive(Clone, Debug)]
 pub struct MaterialFacts {
-    /// Its index.
+    /// Index of the material.
     pub id: MaterialId,
     /// Whether it needs a medium on each side.
     pub is_dielectric: bool,
@@ -214,13 +211,14 @@ impl Build for CoatedKeys {
         let coat = Coat::new(self.ior, 1.0);
         let layer = LobeSpec::Coat {
             index: coat.index,
-            alpha,
+            alpha: alpha.clone(),
             tint: Curve::Constant(1.0).into(),
         };
         let base = LobeSpec::CoatedDiffuse {
             reflectance: value,
             coat,
             strength: 1.0.into(),
+            alpha,
         };
         Some((vec![layer, base], image_of([&image_at, &rough_at])))
     }
@@ -304,7 +302,7 @@ impl Build for NormalKeys {
             texture: self.texture.texture?,
             scale: self.scale,
         };
-        Some((map, self.texture.at))
+        Some((map, self.texture.file.at))
     }
 }
 
@@ -332,6 +330,9 @@ keys! {
         coverage: Option<Scalar>, in UNIT_INTERVAL, or "1";
         /// With `coverage`: all from this coverage on, nothing below.
         cutoff: Option<f64>, in UNIT_INTERVAL, or "none";
+        /// Light that meets several facets of a rough surface leaves it, so that what absorbs
+        /// nothing loses nothing; else only light of a single facet does.
+        multiscatter: bool, default true;
     }
 }
 
@@ -376,6 +377,7 @@ impl Build for MaterialKeys {
                 alpha: alpha.value,
                 cutoff: self.cutoff,
             }),
+            single_scattering: !self.multiscatter,
         };
         Some((material, image_of([&lobe_at, &normal_at, &cover_at])))
     }

@@ -38,7 +38,7 @@ keys! {
 keys! {
     /// Absorption: either `color` and `distance`, or `coefficient`.
     AbsorptionKeys = "absorption" {
-        /// What is left of white after `distance`, within 0 and 1.
+        /// Color of white light after `distance`, within 0 and 1.
         color: Option<Transmittance>;
         /// The distance.
         distance: Option<Length>, in POSITIVE;

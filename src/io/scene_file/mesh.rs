@@ -3,10 +3,13 @@
 use super::document::Node;
 use super::keys::{Build, Built, Form, Keys, Spec, Table, Value, keys};
 use super::reader::{MeshKey, Reader, definitions};
+use super::shape::Placed;
 use super::value::{At, FileName};
 use crate::geometry::Shape;
 use crate::io::files::MAX_OBJ_BYTES;
-use crate::io::{obj, ply};
+use crate::io::obj::{self, Loaded};
+use crate::io::ply;
+use glam::DAffine3;
 use std::path::PathBuf;
 use std::sync::Arc;
 use toml::de::DeValue;
@@ -50,9 +53,9 @@ impl Value for FrameKeys {
 }
 
 impl Build for MeshKeys {
-    type Output = Shape;
+    type Output = Placed;
 
-    fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Shape> {
+    fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Placed> {
         match (&self.obj, &self.ply, &self.frames) {
             (Some(file), None, None) => still(file, cx, |bytes| {
                 obj::read(bytes).map_err(|e| e.to_string())
@@ -71,29 +74,33 @@ impl Build for MeshKeys {
 fn once(
     key: MeshKey,
     cx: &mut Reader<'_>,
-    make: impl FnOnce(&mut Reader<'_>) -> Option<Shape>,
-) -> Option<Shape> {
-    if let Some(shape) = cx.mesh_files.get(&key).cloned() {
+    make: impl FnOnce(&mut Reader<'_>) -> Option<Placed>,
+) -> Option<Placed> {
+    if let Some(placed) = cx.mesh_files.get(&key).cloned() {
         for (_, path) in &key {
             cx.named_again(path);
         }
-        return shape;
+        return placed;
     }
-    let shape = make(cx);
-    cx.mesh_files.insert(key, shape.clone());
-    shape
+    let placed = make(cx);
+    cx.mesh_files.insert(key, placed.clone());
+    placed
 }
 
 fn still(
     file: &At<FileName>,
     cx: &mut Reader<'_>,
-    read: impl FnOnce(&[u8]) -> Result<crate::geometry::Mesh, String>,
-) -> Option<Shape> {
+    read: impl FnOnce(&[u8]) -> Result<Loaded, String>,
+) -> Option<Placed> {
     let path = cx.find(file, MAX_OBJ_BYTES)?;
     once(vec![(0, path.clone())], cx, |cx| {
         let bytes = cx.bytes(file, &path)?;
         match read(&bytes) {
-            Ok(mesh) => Some(Shape::Mesh(Arc::new(mesh))),
+            Ok(loaded) => {
+                cx.file_notes(file, loaded.notes);
+                let local = DAffine3::from_translation(loaded.origin);
+                Some((Shape::Mesh(Arc::new(loaded.mesh)), local))
+            }
             Err(message) => {
                 cx.bad_file(file, message);
                 None
@@ -102,7 +109,11 @@ fn still(
     })
 }
 
-fn deforming(frames: &At<Vec<FrameKeys>>, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Shape> {
+fn deforming(
+    frames: &At<Vec<FrameKeys>>,
+    table: &Table<'_>,
+    cx: &mut Reader<'_>,
+) -> Option<Placed> {
     let At { value: frames, at } = frames;
     if frames.is_empty() || frames.len() > MAX_FRAMES {
         let message = format!("{} frames (allowed: 1 to {MAX_FRAMES})", frames.len());
@@ -136,7 +147,10 @@ fn deforming(frames: &At<Vec<FrameKeys>>, table: &Table<'_>, cx: &mut Reader<'_>
                 continue;
             };
             match obj::read_arrays(&bytes) {
-                Ok(read) => arrays.push((frame.time.value, read)),
+                Ok((read, notes)) => {
+                    cx.file_notes(&frame.obj, notes);
+                    arrays.push((frame.time.value, read));
+                }
                 Err(error) => cx.bad_file(&frame.obj, error.to_string()),
             }
         }
@@ -144,7 +158,7 @@ fn deforming(frames: &At<Vec<FrameKeys>>, table: &Table<'_>, cx: &mut Reader<'_>
             return None;
         }
         match obj::deforming(arrays, cx.shutter.unwrap_or_default()) {
-            Ok(shape) => Some(shape),
+            Ok((shape, origin)) => Some((shape, DAffine3::from_translation(origin))),
             Err(error) => {
                 let frame = &frames[error.frame().min(frames.len() - 1)];
                 cx.bad_file(&frame.obj, error.to_string());
@@ -182,7 +196,7 @@ impl Value for Meshes {
 
 /// A mesh by name or by its keys; `None` where it could not be read, which has been reported.
 #[derive(Debug)]
-pub struct MeshSource(pub Option<Shape>);
+pub struct MeshSource(pub Option<Placed>);
 
 impl Value for MeshSource {
     fn form() -> Form {

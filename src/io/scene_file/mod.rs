@@ -1,8 +1,9 @@
 //! Scene files (TOML): text -> document -> scene description, by keys.
 //!
-//! One file per kind of thing declares its keys ([`keys`]) and makes the renderer's own type of them. Every
-//! problem of a file is found in one go and carries its place, names of the library and meshes included. Each
-//! file is read once: bytes, hash, contents. `docs/scene-files.md` is the reference of every key.
+//! One file per kind of thing declares its keys ([`keys`]) and makes the renderer's own type of
+//! them. Every problem of a file is found in one go and carries its place, names of the library and
+//! meshes included. Each file is read once: bytes, hash, contents. `docs/scene-files.md` is the
+//! reference of every key.
 
 mod document;
 mod error;
@@ -32,29 +33,30 @@ pub use error::{Place, Problem, SceneFileError, SceneFileErrors};
 
 use crate::io::atomic::folder;
 use crate::io::convert::shortest_scene;
-use crate::io::files::{self, FileProblem};
+use crate::io::files;
 use crate::io::model_file::ModelKind;
 use crate::scene::description::SceneDescription;
 use crate::scene::settings::Settings;
 use crate::scene::{BuildError, Subject};
 use document::Source;
-use std::fs::File;
-use std::io::Read;
-use std::path::Path;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 
 /// A scene file, read.
 #[derive(Clone, Debug)]
 pub struct LoadedScene {
-    /// What to build the scene from.
+    /// Description to build the scene from.
     pub description: SceneDescription,
     /// The `[render]` table over the defaults.
     pub settings: Settings,
     /// Scale of the output image.
     pub units: OutputUnits,
-    /// What is legal but surely not meant, one line each.
+    /// Warnings of what is legal but surely not meant, one line each.
     pub warnings: Vec<String>,
     /// Where the parts of the description stand in the file.
     pub places: Places,
+    /// Files that were read, its own included.
+    pub files: Vec<PathBuf>,
 }
 
 /// Places of the objects, lights and sensors of a scene file, by their index in the description.
@@ -71,7 +73,7 @@ impl Places {
     #[must_use]
     pub fn build_error(&self, path: &Path, error: &BuildError) -> SceneFileErrors {
         let place = error.subject().and_then(|subject| match subject {
-            Subject::Emission(i) => self.objects.get(i),
+            Subject::Emission(i) | Subject::Object(i) => self.objects.get(i),
             Subject::Light(i) => self.lights.get(i),
             Subject::Sensor(i) => self.sensors.get(i),
         });
@@ -83,22 +85,36 @@ impl Places {
     }
 }
 
-/// Reads a scene file, or a model as the scene it makes by itself, with `overrides` (dotted key, value) applied.
+/// Reads a scene file, or a model as the scene it makes by itself, with `overrides` (dotted key,
+/// value) applied.
 ///
 /// # Errors
 /// All problems of the file.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedScene, SceneFileErrors> {
     let name = path.display().to_string();
-    let text = match ModelKind::of(path) {
+    let whole = |problem| SceneFileErrors::whole_file(&name, problem);
+    let mut scene = match ModelKind::of(path) {
         Some(kind) => {
             let file = path.file_name().unwrap_or_default().to_string_lossy();
-            shortest_scene(kind, &file)
+            let text = shortest_scene(kind, &file);
+            read_str(&text, &name, folder(path), overrides).map_err(SceneFileErrors::of_model)?
         }
         None => {
-            read_scene_text(path).map_err(|problem| SceneFileErrors::whole_file(&name, problem))?
+            let text = read_scene_text(path).map_err(whole)?;
+            read_str(&text, &name, folder(path), overrides).map_err(|errors| {
+                let is_toml = text.parse::<toml::Table>().is_ok();
+                let named = path.extension().is_none_or(|e| e == "toml");
+                if is_toml || named {
+                    return errors;
+                }
+                let message = "is no scene file (TOML), and its ending is none of a model's \
+                               (allowed: .toml, .gltf, .glb, .obj, .ply)";
+                whole(Problem::Form(message.to_owned()))
+            })?
         }
     };
-    read_str(&text, &name, folder(path), overrides)
+    scene.files.push(path.to_owned());
+    Ok(scene)
 }
 
 /// Reads a scene from text; files it names are looked for in `folder`.
@@ -129,32 +145,14 @@ fn read_source(source: &Source, folder: Option<&Path>) -> Result<LoadedScene, Sc
 }
 
 fn read_scene_text(path: &Path) -> Result<String, Problem> {
-    let name = path.display().to_string();
-    let bad = |message: String| {
-        Problem::from(FileProblem::Bad {
-            path: name.clone(),
-            message,
-        })
-    };
-    let file = File::open(path).map_err(|e| bad(e.to_string()))?;
-    let mut bytes = Vec::new();
-    file.take(files::MAX_SCENE_BYTES + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|e| bad(e.to_string()))?;
-    if bytes.len() as u64 > files::MAX_SCENE_BYTES {
-        let size = path.metadata().map_or(bytes.len() as u64, |m| m.len());
-        return Err(FileProblem::TooLarge {
-            path: name,
-            bytes: size,
-            limit: files::MAX_SCENE_BYTES,
-        }
-        .into());
-    }
+    let bytes = files::read_regular(path, files::MAX_SCENE_BYTES);
+    let bytes = bytes.map_err(|e| match e.kind() {
+        ErrorKind::NotFound => Problem::no_file(),
+        _ => Problem::Form(e.to_string()),
+    })?;
     String::from_utf8(bytes).map_err(|e| {
-        bad(format!(
-            "not UTF-8 at byte {}",
-            e.utf8_error().valid_up_to()
-        ))
+        let at = e.utf8_error().valid_up_to();
+        Problem::Form(format!("not UTF-8 at byte {at}"))
     })
 }
 

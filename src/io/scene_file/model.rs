@@ -129,8 +129,8 @@ impl Value for Models {
 }
 
 impl Models {
-    /// Reads the files of the models; what is legal but not understood is added to `notes`.
-    pub fn load(cx: &mut Reader<'_>, notes: &mut Vec<String>) -> Loaded {
+    /// Reads the files of the models; what is legal but not understood is noted.
+    pub fn load(cx: &mut Reader<'_>) -> Loaded {
         let unread = std::mem::take(&mut cx.models);
         // in the hash of the scene, models stand before objects
         let files_of_objects = cx.file_hashes.split_off(cx.files_before_objects);
@@ -161,9 +161,8 @@ impl Models {
                 model.lights.clear();
                 model.lit = false;
             }
-            let name = &unread.file.value.0;
-            let said = std::mem::take(&mut model.notes);
-            notes.extend(said.into_iter().map(|n| format!("{name}: {n}")));
+            cx.file_notes(&unread.file, std::mem::take(&mut model.notes));
+            cx.model_files.append(&mut model.files);
             let filter = cx.film_filter(None, None, false);
             let sensor = |c: &ModelCamera| c.sensor(unread.size.resolution(), filter, own_shutter);
             all.cameras.extend(model.cameras.iter().map(sensor));
@@ -185,13 +184,7 @@ pub struct Loaded {
 impl Loaded {
     /// Adds the models to a scene, and what it lacks: their cameras where it has no sensor or one
     /// that sees all of it, and a studio where there is no light.
-    pub fn add_to(
-        mut self,
-        scene: &mut SceneDescription,
-        units: OutputUnits,
-        cx: &Reader<'_>,
-        notes: &mut Vec<String>,
-    ) {
+    pub fn add_to(mut self, scene: &mut SceneDescription, units: OutputUnits, cx: &mut Reader<'_>) {
         let emits = scene.objects.iter().any(|o| o.emission.is_some());
         let mut lit = emits || !scene.lights.is_empty();
         for model in self.models {
@@ -204,7 +197,8 @@ impl Loaded {
         };
         if scene.sensors.is_empty() {
             if self.cameras.is_empty() {
-                notes.push("no camera: one that sees all of the model is used".to_owned());
+                cx.notes
+                    .push("no camera: one that sees all of the model is used".to_owned());
                 let filter = cx.film_filter(None, None, false);
                 let camera = model::standard_camera(&scene.objects);
                 self.cameras
@@ -214,7 +208,8 @@ impl Loaded {
             scene.sensors = self.cameras;
         }
         if !lit {
-            notes.push("no light: a studio of built-in lamps is used".to_owned());
+            cx.notes
+                .push("no light: a studio of built-in lamps is used".to_owned());
             let level = match units {
                 OutputUnits::Radiance => 1.0,
                 OutputUnits::Photometric => PER_NIT,

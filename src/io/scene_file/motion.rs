@@ -93,8 +93,8 @@ keys! {
 }
 
 keys! {
-    /// A key of a motion, with at least one of `translate`, `rotate` and `scale`. Things are scaled,
-    /// then turned about `about`, then moved.
+    /// A key of a motion, with at least one of `translate`, `rotate` and `scale`. Things are
+    /// scaled, then turned about `about`, then moved.
     MomentKeys = "moment" {
         /// The moment.
         time: At<f64>, unit "seconds";

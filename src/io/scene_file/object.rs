@@ -13,6 +13,7 @@ use super::value::{At, MaterialName, MediumName, Name, items};
 use crate::geometry::{Shape, Transform};
 use crate::material::MaterialId;
 use crate::medium::{Boundary, MediumId};
+use crate::scene::Subject;
 use crate::scene::description::{AreaEmission, ObjectDescription};
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeSet;
@@ -36,11 +37,11 @@ keys! {
         r#box as "box": Option<Given<BoxKeys>>;
         /// A mesh, read once for all objects that use the same.
         mesh: Option<MeshSource>;
-        /// What the surface is made of.
+        /// Material of the surface.
         material: Option<MaterialUse>, or "black";
         /// Steps that place it, applied in order.
         transform: Steps;
-        /// What moves it after that.
+        /// Motion after that.
         motion: Motion<true>;
         /// The medium of a closed shape (sphere, box, closed mesh).
         interior: Option<At<MediumUse>>, or "none";
@@ -52,6 +53,9 @@ keys! {
         emission: Option<SurfaceEmission>, unit "W/(m² sr nm)", or "none";
         /// With `emission`: emits from the back too.
         two_sided: Option<bool>, or "false";
+        /// With `emission`: the medium in front of it; checked, and needed only where solids are
+        /// open.
+        medium: Option<MediumUse>, or "what is there";
     }
 }
 
@@ -102,7 +106,7 @@ impl Value for MaterialUse {
 
 /// A medium of the file.
 #[derive(Clone, Copy)]
-pub struct MediumUse(MediumId);
+pub struct MediumUse(pub MediumId);
 
 impl Value for MediumUse {
     fn form() -> Form {
@@ -111,6 +115,14 @@ impl Value for MediumUse {
 
     fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
         let MediumName(name) = MediumName::read(node, spec, cx)?;
+        if !cx.media.contains_key(&name) && cx.library.ior(&name).is_ok() {
+            let message = format!(
+                "\"{name}\" is a glass, not a medium (write [medium.NAME] with glass = \"{name}\", \
+                 and NAME here)"
+            );
+            cx.conflict(&node.span(), message);
+            return Some(Self(MediumId::AMBIENT));
+        }
         let found = cx.defined("medium", &name, &node.span(), |cx| &cx.media);
         Some(Self(found.unwrap_or(MediumId::AMBIENT)))
     }
@@ -120,6 +132,7 @@ impl Value for MediumUse {
 pub struct Unnamed {
     name: Option<String>,
     object: ObjectDescription,
+    medium: Option<MediumId>,
 }
 
 impl Build for ObjectKeys {
@@ -161,6 +174,7 @@ impl Build for ObjectKeys {
         let two_sided = self.two_sided.unwrap_or(false);
         Some(Unnamed {
             name: self.name.map(|n| n.value.0),
+            medium: self.medium.map(|m| m.0),
             object: ObjectDescription {
                 name: String::new(),
                 shape,
@@ -181,7 +195,9 @@ impl ObjectKeys {
     fn shape(&mut self, cx: &Reader<'_>) -> Option<Placed> {
         if let Some(mesh) = self.mesh.take() {
             // the vertices are in the file's unit
-            return Some((mesh.0?, DAffine3::from_scale(DVec3::splat(cx.unit_m))));
+            let (shape, local) = mesh.0?;
+            let to_meters = DAffine3::from_scale(DVec3::splat(cx.unit_m));
+            return Some((shape, to_meters * local));
         }
         first_given([
             self.sphere.take().map(|g| g.0),
@@ -228,17 +244,30 @@ impl ObjectKeys {
         if let (Some(interior), Some((shape, _))) = (&self.interior, shape) {
             let message = match shape {
                 Shape::Disk { .. } | Shape::Quad | Shape::Cylinder => {
-                    "interior needs a closed shape (allowed: sphere, box, a closed mesh; for \
-                     others name both sides with interface)"
+                    (!shape.is_closed()).then(|| {
+                        "interior needs a closed shape (allowed: sphere, box, a closed mesh; for \
+                         others name both sides with interface)"
+                            .to_owned()
+                    })
                 }
-                _ => {
-                    "the mesh is not closed, so it has no interior (every edge needs two \
-                     triangles that run through it in opposite directions)"
-                }
+                _ => shape.open_edge().map(|[a, b]| {
+                    let text = |p: glam::DVec3| format!("[{}, {}, {}]", p.x, p.y, p.z);
+                    format!(
+                        "the mesh is not closed, so it has no interior (every edge needs two \
+                         triangles that run through it in opposite directions; that from {} to \
+                         {} has not)",
+                        text(a),
+                        text(b)
+                    )
+                }),
             };
-            if !shape.is_closed() {
+            if let Some(message) = message {
                 cx.conflict(&interior.at, message);
             }
+        }
+        if self.medium.is_some() && self.emission.is_none() {
+            let message = "medium is for objects with emission only";
+            cx.conflict(&table.span("medium"), message);
         }
         if self.two_sided.is_some() && self.emission.is_none() {
             let message = "two_sided is for objects with emission only";
@@ -289,7 +318,13 @@ impl Value for Objects {
             let Some(read) = Built::<ObjectKeys>::read(item, spec, cx) else {
                 continue;
             };
-            let Unnamed { name, mut object } = read.0;
+            let Unnamed {
+                name,
+                mut object,
+                medium,
+            } = read.0;
+            let subject = Subject::Emission(objects.len());
+            cx.named_media.extend(medium.map(|m| (subject, m)));
             if let Some(name) = &name
                 && !names.insert(name.clone())
             {

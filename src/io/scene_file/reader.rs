@@ -7,13 +7,15 @@ use super::keys::Range;
 use super::material::MaterialFacts;
 use super::model::Unread;
 use super::render::VISIBLE_NM;
+use super::shape::Placed;
 use super::spectrum::Spectrum;
 use super::value::{At, FileName, MediumName};
 use crate::film::Filter;
-use crate::geometry::{Shape, Shutter};
+use crate::geometry::Shutter;
 use crate::io::files::{self, FileProblem};
 use crate::math::hash::{combine, hash_bytes};
 use crate::medium::MediumId;
+use crate::scene::Subject;
 use crate::scene::settings::FilterKind;
 use crate::spectrum::library::{Library, LibraryError};
 use crate::texture::Image;
@@ -32,7 +34,7 @@ pub type Definitions<T> = BTreeMap<String, Option<T>>;
 /// Files, each at its moment: what a mesh is made of.
 pub type MeshKey = Vec<(u64, PathBuf)>;
 
-/// What reading gathers and looks up.
+/// State of a reading: what it gathers and looks up.
 pub struct Reader<'s> {
     source: &'s Source,
     /// Where files are looked for; `None`: there are none.
@@ -56,9 +58,9 @@ pub struct Reader<'s> {
     /// `[material.NAME]`.
     pub materials: Definitions<MaterialFacts>,
     /// `[mesh.NAME]`.
-    pub meshes: Definitions<Shape>,
+    pub meshes: Definitions<Placed>,
     /// Meshes that have been read; `None` where they could not.
-    pub mesh_files: BTreeMap<MeshKey, Option<Shape>>,
+    pub mesh_files: BTreeMap<MeshKey, Option<Placed>>,
     /// Images by file, encoding and whether with a pyramid; `None` where they could not be read.
     pub images: BTreeMap<(PathBuf, bool, bool), Option<Arc<Image>>>,
     /// `[[model]]`, which are read last.
@@ -67,13 +69,21 @@ pub struct Reader<'s> {
     pub black: u32,
     /// Whether anything has a motion.
     pub moves: bool,
-    /// What is legal but surely not meant.
+    /// Warnings of what is legal but surely not meant.
     pub warnings: Vec<String>,
+    /// Notes on what was not understood of other files, one line each.
+    pub notes: Vec<String>,
+    /// The media that emissions, lights and sensors are said to be in.
+    pub named_media: Vec<(Subject, MediumId)>,
+    /// Those of sensors, by index, which are looked up once media are known.
+    pub sensor_media: Vec<(usize, At<MediumName>)>,
     /// Hashes of the files that were read, in the order in which they are named.
     pub file_hashes: Vec<u64>,
     /// Number of these when `[[object]]` is reached.
     pub files_before_objects: usize,
     hash_of_file: BTreeMap<PathBuf, u64>,
+    /// Files that models name.
+    pub model_files: Vec<PathBuf>,
     errors: Vec<(Span<usize>, Problem)>,
     error_count: usize,
 }
@@ -100,9 +110,13 @@ impl<'s> Reader<'s> {
             black: 0,
             moves: false,
             warnings: Vec::new(),
+            notes: Vec::new(),
+            named_media: Vec::new(),
+            sensor_media: Vec::new(),
             file_hashes: Vec::new(),
             files_before_objects: 0,
             hash_of_file: BTreeMap::new(),
+            model_files: Vec::new(),
             errors: Vec::new(),
             error_count: 0,
         }
@@ -210,6 +224,14 @@ impl<'s> Reader<'s> {
         self.error(&name.at, || problem.into());
     }
 
+    /// Notes what the reader of a file has to say about it.
+    pub fn file_notes(&mut self, name: &At<FileName>, notes: Vec<String>) {
+        let said = notes
+            .into_iter()
+            .map(|note| format!("{}: {note}", name.value.0));
+        self.notes.extend(said);
+    }
+
     /// The path of a file, which must be in the folder of the scene and of at most `limit` bytes.
     pub fn find(&mut self, name: &At<FileName>, limit: u64) -> Option<PathBuf> {
         let missing = || FileProblem::Missing(name.value.0.clone());
@@ -225,7 +247,7 @@ impl<'s> Reader<'s> {
 
     /// The bytes of a file that was found, which enter the hash of the scene.
     pub fn bytes(&mut self, name: &At<FileName>, path: &Path) -> Option<Vec<u8>> {
-        match std::fs::read(path) {
+        match files::read_regular(path, u64::MAX) {
             Ok(bytes) => {
                 let hash = hash_of(&bytes);
                 self.hash_of_file.insert(path.to_owned(), hash);
@@ -237,6 +259,12 @@ impl<'s> Reader<'s> {
                 None
             }
         }
+    }
+
+    /// Files that were read.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let named = self.hash_of_file.keys().cloned();
+        named.chain(self.model_files.iter().cloned()).collect()
     }
 
     /// Notes that a file which has been read before is named again.
@@ -278,7 +306,8 @@ impl<'s> Reader<'s> {
         found
     }
 
-    /// The filter of a sensor: what it names, else what the file does, else the default of its kind.
+    /// The filter of a sensor: what it names, else what the file does, else the default of its
+    /// kind.
     pub fn film_filter(
         &self,
         kind: Option<FilterKind>,

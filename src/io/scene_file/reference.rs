@@ -1,5 +1,5 @@
-//! The reference of all keys of scene files, from the declarations that the reader itself follows: as tables to
-//! read, and as a JSON Schema for editors (draft 7, which most of them understand).
+//! The reference of all keys of scene files, from the declarations that the reader itself follows:
+//! as tables to read, and as a JSON Schema for editors (draft 7, which most of them understand).
 
 use super::keys::{FINITE, Form, Key, Keys, Kind, Range};
 use super::scene::SceneKeys;
@@ -32,7 +32,7 @@ fn joined(lines: &str) -> String {
     lines.join(" ").trim().to_owned()
 }
 
-/// What may stand for a value, in words.
+/// Values that are allowed, in words.
 fn words(form: &Form) -> String {
     match form {
         Form::Number(_) => "number".to_owned(),

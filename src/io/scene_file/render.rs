@@ -226,7 +226,7 @@ keys! {
         /// Scattering vertices of the whole path, at most.
         max_depth: Option<i64>, in DEPTH, or "no limit (Russian roulette)";
         /// Weighting of strategies.
-        heuristic: Heuristic, default Settings::default().heuristic;
+        weights: Heuristic, default Settings::default().heuristic;
         /// Probability of trying a connection between two inner vertices.
         pair_probability: f64, in PROBABILITY, default Settings::default().pair_probability;
         /// Whether mirrors and smooth glass are connectible within a small cone.
@@ -259,8 +259,8 @@ keys! {
         /// The radius of pass i = 0, 1, ... is that of pass 0 times (i + 1)^(-(1 - alpha)/2), at
         /// least 1e-5 of the scene's radius.
         merge_alpha: f64, in PROBABILITY, default Merging::default().alpha;
-        /// What the paths of a pass share where photons are merged. With `"stratified"` the error
-        /// estimated from even and odd passes is only a guide.
+        /// Wavelengths and time that the paths of a pass share where photons are merged. With
+        /// `"stratified"` the error estimated from even and odd passes is only a guide.
         sharing: Sharing, default Merging::default().sharing;
     }
 }
@@ -296,7 +296,7 @@ impl Build for RenderKeys {
             seed: self.seed as u64,
             lanes: self.lanes.0,
             max_depth: self.max_depth.map(|depth| depth as u32),
-            heuristic: self.heuristic,
+            heuristic: self.weights,
             pair_probability: self.pair_probability,
             regularization: Regularization {
                 mode: self.regularize,

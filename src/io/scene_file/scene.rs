@@ -19,6 +19,7 @@ use super::value::{At, MediumName};
 use super::{LoadedScene, Places};
 use crate::math::hash::combine;
 use crate::medium::MediumId;
+use crate::scene::Subject;
 use crate::scene::description::SceneDescription;
 use std::path::Path;
 use toml::de::DeTable;
@@ -30,7 +31,7 @@ keys! {
         unit: Unit, default Unit;
         /// How the scene is rendered.
         render: Option<Given<RenderKeys>>;
-        /// What is where no solid is.
+        /// Medium where no solid is.
         ambient: Ambient, or "vacuum, n = 1";
         /// Cameras and detectors. At least one, but for scenes with a model: there the model's
         /// cameras, or one that sees all of it, stand in.
@@ -82,9 +83,8 @@ pub fn read(
     let mut cx = Reader::new(source, folder);
     let table = Table::new(document, 0..0, SceneKeys::NAMES, &mut cx);
     let keys = SceneKeys::from_table(&table, &mut cx);
-    let mut notes = Vec::new();
-    let models = Models::load(&mut cx, &mut notes);
-    let scene = keys.and_then(|keys| keys.scene(models, scene_hash(document), notes, &mut cx));
+    let models = Models::load(&mut cx);
+    let scene = keys.and_then(|keys| keys.scene(models, scene_hash(document), &mut cx));
     match (scene, cx.into_errors()) {
         (Some(scene), None) => Ok(scene),
         (_, Some(errors)) => Err(errors),
@@ -93,13 +93,7 @@ pub fn read(
 }
 
 impl SceneKeys {
-    fn scene(
-        self,
-        models: Loaded,
-        hash_of_text: u64,
-        mut notes: Vec<String>,
-        cx: &mut Reader<'_>,
-    ) -> Option<LoadedScene> {
+    fn scene(self, models: Loaded, hash_of_text: u64, cx: &mut Reader<'_>) -> Option<LoadedScene> {
         // what others refer to by name has been left with the reader
         let Self {
             unit: Unit,
@@ -112,6 +106,11 @@ impl SceneKeys {
         if count == 0 && self.model.count == 0 {
             let message = "the scene has no sensor (allowed: at least one [[sensor]])";
             cx.conflict(&(0..0), message);
+        }
+        for (index, named) in std::mem::take(&mut cx.sensor_media) {
+            let found = cx.defined("medium", &named.value.0, &named.at, |cx| &cx.media);
+            let subject = Subject::Sensor(index);
+            cx.named_media.extend(found.map(|id| (subject, id)));
         }
         if cx.error_count() > 0 {
             return None;
@@ -149,19 +148,21 @@ impl SceneKeys {
             objects: self.object.0.into_iter().map(|o| o.value).collect(),
             lights: self.light.0.into_iter().map(|l| l.value).collect(),
             sensors: sensors.collect(),
+            named_media: std::mem::take(&mut cx.named_media),
             wavelengths: rendering.wavelengths,
             ambient: MediumId::AMBIENT,
             hash: file_hashes.fold(hash_of_text, |hash, &file| combine(hash, file)),
         };
-        models.add_to(&mut description, rendering.units, cx, &mut notes);
+        models.add_to(&mut description, rendering.units, cx);
         let mut warnings = std::mem::take(&mut cx.warnings);
-        warnings.extend(notes);
+        warnings.append(&mut cx.notes);
         Some(LoadedScene {
             description,
             settings: rendering.settings,
             units: rendering.units,
             warnings,
             places,
+            files: cx.files(),
         })
     }
 }

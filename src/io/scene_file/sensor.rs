@@ -8,7 +8,7 @@ use super::keys::{
 use super::motion::Motion;
 use super::reader::Reader;
 use super::transform::Matrix;
-use super::value::{At, Direction, Length, Name, Point, items};
+use super::value::{At, Direction, Length, MediumName, Name, Point, items};
 use crate::camera::perspective::ThinLens;
 use crate::camera::{Camera, Resolution};
 use crate::geometry::{Link, Shutter, Transform};
@@ -246,7 +246,7 @@ keys! {
     /// A rectangle that measures irradiance, on the side of u x v (of `normal`). Columns run along
     /// u, row 0 is at +v. Either `u` and `v`, or `normal`, `width` and `height` (and `up`).
     DetectorKeys = "detector" {
-        /// Its center.
+        /// Center of the plane.
         center: Point;
         /// Half an edge, to the right.
         u: Option<Point>;
@@ -344,8 +344,10 @@ keys! {
         /// [open, close], open <= close: the image is the mean over this time. Open for a moment
         /// only, it shows things as they are then.
         shutter: Shutter, unit "seconds", default Shutter::default();
-        /// What moves it, without `scale`.
+        /// Motion, without `scale`.
         motion: Motion<false>;
+        /// The medium it is in; checked, and needed only where solids are open.
+        medium: Option<At<MediumName>>, or "what is there";
         /// A pinhole or a thin lens.
         perspective: Option<Given<PerspectiveKeys>>;
         /// A parallel projection.
@@ -362,6 +364,7 @@ pub struct Unnamed {
     filter: (Option<FilterKind>, Option<f64>),
     shutter: Shutter,
     motion: Vec<Link>,
+    medium: Option<At<MediumName>>,
 }
 
 impl Build for SensorKeys {
@@ -390,6 +393,7 @@ impl Build for SensorKeys {
             filter: (self.filter, self.filter_radius),
             shutter: self.shutter,
             motion: self.motion.0,
+            medium: self.medium,
         })
     }
 }
@@ -435,6 +439,8 @@ impl Value for Sensors {
                 filter: cx.film_filter(sensor.filter.0, sensor.filter.1, is_detector),
                 shutter,
             };
+            let index = sensors.read.len();
+            cx.sensor_media.extend(sensor.medium.map(|m| (index, m)));
             let at = item.span();
             let value = sensor_description;
             sensors.read.push((At { value, at }, sensor.motion));

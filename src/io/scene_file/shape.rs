@@ -16,9 +16,9 @@ fn placed(shape: Shape, map: DMat3, center: DVec3) -> Placed {
 keys! {
     /// A sphere.
     SphereKeys = "sphere" {
-        /// Its center.
+        /// Center.
         center: Point, default Point(DVec3::ZERO);
-        /// Its radius.
+        /// Radius.
         radius: Length, in POSITIVE;
     }
 }
@@ -35,11 +35,11 @@ impl Build for SphereKeys {
 keys! {
     /// A disk, with a hole where `inner_radius` is above 0.
     DiskKeys = "disk" {
-        /// Its center.
+        /// Center.
         center: Point, default Point(DVec3::ZERO);
         /// The side that it faces.
         normal: Direction, default Direction(DVec3::Z);
-        /// Its radius.
+        /// Radius.
         radius: Length, in POSITIVE;
         /// Radius of the hole, below `radius`.
         inner_radius: Length, in NON_NEGATIVE, default Length(0.0);
@@ -70,7 +70,7 @@ impl Build for DiskKeys {
 keys! {
     /// A parallelogram of half edges u and v about its center; the normal is u x v.
     QuadKeys = "quad" {
-        /// Its center.
+        /// Center.
         center: Point;
         /// Half an edge.
         u: Point;
@@ -100,7 +100,7 @@ keys! {
         from: Point;
         /// Center of the other end.
         to: Point;
-        /// Its radius.
+        /// Radius.
         radius: Length, in POSITIVE;
     }
 }
@@ -124,9 +124,9 @@ impl Build for CylinderKeys {
 keys! {
     /// A box along the axes.
     BoxKeys = "box" {
-        /// Its least corner.
+        /// Least corner.
         min: Point;
-        /// Its largest corner, above `min` on every axis.
+        /// Largest corner, above `min` on every axis.
         max: Point;
     }
 }

@@ -5,6 +5,7 @@ use super::keys::{FINITE, Form, Keys, NON_NEGATIVE, POSITIVE, Range, Spec, Table
 use super::reader::{Reader, definitions};
 use super::texture::Texture;
 use super::value::{At, FileName, SpectrumName, number};
+use crate::spectrum::coverage::held_stretches;
 use crate::spectrum::emission::Line;
 use crate::spectrum::{Curve, Emission, upsample};
 use crate::texture::{ImageTexture, SpectrumTexture};
@@ -12,6 +13,9 @@ use std::ops::Range as Span;
 use toml::de::DeValue;
 
 const TEMPERATURE: Range = Range::closed(100.0, 1e6, "100 to 1e6 kelvin");
+
+/// Largest value of an emission: its products along a path stay far below what lanes can hold.
+const MOST_EMISSION: f64 = 1e30;
 
 /// Where the values of a spectrum come from.
 #[derive(Clone, Debug)]
@@ -39,6 +43,8 @@ pub struct Spectrum {
     scale: f64,
     /// Y that it is scaled to, instead of by `scale`.
     luminance: Option<f64>,
+    /// End values of a table may be held over any part of the working range.
+    extrapolate: bool,
     /// Where it is used.
     at: Span<usize>,
 }
@@ -52,15 +58,18 @@ keys! {
         rgb: Option<[f64; 3]>, in NON_NEGATIVE;
         /// Name of the library.
         name: Option<SpectrumName>;
-        /// CSV of `nm,value`, nm > 0, value >= 0; linear in between, end values held.
+        /// CSV of `nm,value`, nm > 0, value >= 0; linear in between. End values are held beyond,
+        /// over at most a tenth of the working range as the eye weights it.
         file: Option<At<FileName>>;
         /// Temperature of a blackbody: radiance by Planck's law, W/(m² sr nm).
         blackbody_k: Option<f64>, in TEMPERATURE, unit "kelvin";
-        /// Emission lines [nm, power], no wavelength twice; power >= 0 in the unit of the use without
-        /// the "per nm".
+        /// Emission lines [nm, power], no wavelength twice; power >= 0 in the unit of the use
+        /// without the "per nm".
         lines: Option<At<Vec<[f64; 2]>>>;
         /// An image over the surface; on materials and on `emission` of objects.
         texture: Option<Texture<true>>;
+        /// Of a `file`: hold its end values over any part of the working range.
+        extrapolate: bool, default false;
         /// Factor on the values.
         scale: Option<f64>, in NON_NEGATIVE, or "1";
         /// Of emission: scaled to this Y instead of by `scale` (unit equal-energy radiance has 1).
@@ -68,7 +77,7 @@ keys! {
     }
 }
 
-/// What may stand for a spectrum.
+/// Kinds of value that may stand for a spectrum.
 fn spectrum_form() -> Form {
     Form::Any(vec![
         f64::form(),
@@ -104,6 +113,7 @@ impl Spectrum {
             source,
             scale: 1.0,
             luminance: None,
+            extrapolate: false,
             at: node.span(),
         };
         let spectrum = match node.get_ref() {
@@ -127,7 +137,7 @@ impl Spectrum {
         cx.conflict(&self.at, message);
     }
 
-    /// What no reflectance, transmittance or coefficient can be.
+    /// Fault that no reflectance, transmittance or coefficient may have.
     fn check_no_emission(&self, what: &str, cx: &mut Reader<'_>) {
         if matches!(self.source, Source::Lines(_) | Source::Blackbody(_)) {
             self.conflict(
@@ -172,7 +182,15 @@ impl Spectrum {
             Source::Table(rows) => {
                 let nm: Vec<f64> = rows.iter().map(|r| r[0]).collect();
                 let values: Vec<f64> = rows.iter().map(|r| r[1]).collect();
-                Curve::table(&nm, &values)
+                let curve = Curve::table(&nm, &values);
+                let held = cx
+                    .range_nm
+                    .map(|range_nm| held_stretches(&curve, range_nm, self.extrapolate));
+                if let Some(Err(error)) = held {
+                    self.conflict(error.to_string(), cx);
+                    return None;
+                }
+                curve
             }
             Source::Blackbody(temp_k) => Curve::Blackbody {
                 temp_k: *temp_k,
@@ -235,10 +253,24 @@ impl Spectrum {
             ),
             _ => Emission::from_curve(self.curve(cx)?),
         };
-        Some(match self.luminance {
+        // before any integral of it, which would overflow
+        self.check_emission(&emission, cx)?;
+        let emission = match self.luminance {
             Some(y) => emission.with_luminance(y),
             None => emission.scaled(self.scale),
-        })
+        };
+        self.check_emission(&emission, cx)?;
+        Some(emission)
+    }
+
+    fn check_emission(&self, emission: &Emission, cx: &mut Reader<'_>) -> Option<()> {
+        let largest = emission.largest();
+        if largest <= MOST_EMISSION {
+            return Some(());
+        }
+        let what = "the largest value of an emission";
+        cx.out_of_range(what, format!("{largest:e}"), &self.at, "0 to 1e30");
+        None
     }
 }
 
@@ -249,11 +281,13 @@ impl SpectrumKeys {
             cx.conflict(&table.span("scale"), message);
         }
         let (scale, luminance) = (self.scale.unwrap_or(1.0), self.luminance);
+        let extrapolate = self.extrapolate;
         table.exactly_one(&Self::NAMES[..7], "spectrum", cx)?;
         Some(Spectrum {
             source: self.source(cx)?,
             scale,
             luminance,
+            extrapolate,
             at: table.at.clone(),
         })
     }
@@ -337,13 +371,15 @@ impl Value for Reflectance {
         if spectrum.scale > 1.0 {
             let value = spectrum.scale.to_string();
             cx.out_of_range(spec.name, value, &spectrum.at, "0 to 1");
+        } else {
+            image.hold(spectrum.scale, 0..3, cx);
         }
         Some(Self {
             value: SpectrumTexture::Image {
                 texture: image.texture.clone()?,
                 factor: [spectrum.scale as f32; 3],
             },
-            image_at: Some(image.at.clone()),
+            image_at: Some(image.file.at.clone()),
         })
     }
 
@@ -355,7 +391,7 @@ impl Value for Reflectance {
     }
 }
 
-/// What is left of light in a medium, within 0 and 1.
+/// Share of light that is left in a medium, within 0 and 1.
 #[derive(Clone, Debug)]
 pub struct Transmittance(pub Curve);
 
@@ -392,7 +428,7 @@ impl Value for Coefficient {
     }
 }
 
-/// What a light that is no surface sends out.
+/// Emission of a light that is no surface.
 #[derive(Clone, Debug)]
 pub struct Emitted(pub Emission);
 
@@ -408,7 +444,7 @@ impl Value for Emitted {
     }
 }
 
-/// What a surface sends out.
+/// Emission of a surface.
 #[derive(Clone, Debug)]
 pub struct SurfaceEmission {
     /// The same over the surface.
@@ -441,7 +477,7 @@ impl Value for SurfaceEmission {
         Some(Self {
             radiance: Emission::from_rgb([spectrum.scale; 3]),
             pattern: image.texture.clone().map(pattern),
-            image_at: Some(image.at.clone()),
+            image_at: Some(image.file.at.clone()),
         })
     }
 }

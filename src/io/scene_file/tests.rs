@@ -1,4 +1,4 @@
-//! What scene files become, and how much is told of what is wrong with them.
+//! Tests of what scene files become, and of how much is told of their faults.
 
 use super::*;
 use crate::camera::CameraKind;

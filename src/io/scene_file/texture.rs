@@ -4,7 +4,7 @@ use super::document::Node;
 use super::keys::{Form, Keys, NON_NEGATIVE, Spec, Table, UNIT_INTERVAL, Value, keys};
 use super::reader::Reader;
 use super::value::{At, FileName, number};
-use crate::io::image_file::{MAX_IMAGE_BYTES, decode};
+use crate::io::image_file::{self, MAX_IMAGE_BYTES, decode};
 use crate::math::named::named;
 use crate::texture::{Filter, Image, ImageTexture, ScalarTexture, Wrap};
 use glam::{DAffine2, DVec2};
@@ -22,7 +22,7 @@ named! {
 }
 
 named! {
-    /// What lies beyond the borders.
+    /// Rule for what lies beyond the borders.
     pub enum TextureWrap {
         Repeat = "repeat": "The image again",
         Mirror = "mirror": "The image mirrored",
@@ -31,9 +31,9 @@ named! {
 }
 
 named! {
-    /// How the bytes of a PNG or JPEG encode light. OpenEXR is linear.
+    /// How the bytes of a PNG or JPEG encode light. OpenEXR and Radiance HDR are linear.
     pub enum Encoding {
-        Srgb = "srgb": "As sRGB does",
+        Srgb = "srgb": "As the file says, as sRGB does where it says nothing",
         Linear = "linear": "In proportion",
     }
 }
@@ -51,14 +51,13 @@ named! {
 keys! {
     /// How an image lies on a surface: its coordinates are scaled, turned and moved in this order.
     TextureKeys = "texture" {
-        /// PNG, JPEG (8 bits a channel are kept) or OpenEXR (channels R, G, B), at most 2^28 texels
-        /// and 1 GB.
+        /// PNG, JPEG, OpenEXR or Radiance HDR, at most 2^28 texels and 1 GB.
         file: At<FileName>;
         /// How texels are read.
         filter: TextureFilter, default TextureFilter::Bilinear;
         /// Level of the mipmap, with `filter = "mipmap"`.
         level: Option<f64>, in NON_NEGATIVE, or "0";
-        /// What lies beyond the borders.
+        /// Rule for what lies beyond the borders.
         wrap: TextureWrap, default TextureWrap::Repeat;
         /// Factors on the coordinates, not 0.
         scale: [f64; 2], default [1.0; 2];
@@ -76,8 +75,8 @@ keys! {
 pub struct Texture<const SRGB: bool> {
     /// `None` where it cannot be had, which has been reported.
     pub texture: Option<ImageTexture>,
-    /// Where its file is named.
-    pub at: Span<usize>,
+    /// File of the image, and where it is named.
+    pub file: At<FileName>,
 }
 
 impl<const SRGB: bool> Value for Texture<SRGB> {
@@ -98,15 +97,15 @@ impl<const SRGB: bool> Value for Texture<SRGB> {
                 });
                 Some(Self {
                     texture,
-                    at: name.at,
+                    file: name,
                 })
             }
             DeValue::Table(_) => {
                 let table = Table::of(node, TextureKeys::NAMES, cx)?;
                 let keys = TextureKeys::from_table(&table, cx)?;
                 Some(Self {
-                    at: keys.file.at.clone(),
                     texture: texture(&keys, &table, SRGB, cx),
+                    file: keys.file,
                 })
             }
             _ => {
@@ -114,6 +113,25 @@ impl<const SRGB: bool> Value for Texture<SRGB> {
                 None
             }
         }
+    }
+}
+
+impl<const SRGB: bool> Texture<SRGB> {
+    /// Holds the texels that stand for a key to its limit of 1, after a factor.
+    pub fn hold(&self, factor: f64, channels: Span<usize>, cx: &mut Reader<'_>) {
+        // a rounding above 1 is no fault of the file
+        let limit = (1.0 + 1e-6) / factor.max(f64::MIN_POSITIVE);
+        let image = self.texture.as_ref().map(|texture| &texture.image);
+        let Some((count, [column, row])) = image.and_then(|i| i.above(limit as f32, channels))
+        else {
+            return;
+        };
+        let texels = if count == 1 { "texel is" } else { "texels are" };
+        let message = format!(
+            "{count} {texels} above 1 after the factor {factor} (allowed: 0 to 1), the first at \
+             column {column}, row {row}"
+        );
+        cx.bad_file(&self.file, message);
     }
 }
 
@@ -169,16 +187,23 @@ pub fn image(
         cx.named_again(&path);
         return image;
     }
-    let image = cx
-        .bytes(name, &path)
-        .and_then(|bytes| match decode(&bytes, srgb) {
-            Ok(image) if pyramid => Some(Arc::new(image.with_pyramid())),
-            Ok(image) => Some(Arc::new(image)),
-            Err(message) => {
-                cx.bad_file(name, message);
-                None
-            }
-        });
+    let encoding = if srgb {
+        image_file::Encoding::Stated
+    } else {
+        image_file::Encoding::Linear
+    };
+    let bytes = cx.bytes(name, &path);
+    let image = bytes.and_then(|bytes| match decode(&bytes, encoding) {
+        Ok(decoded) => {
+            cx.file_notes(name, decoded.notes);
+            let image = decoded.image;
+            Some(Arc::new(if pyramid { image.with_pyramid() } else { image }))
+        }
+        Err(message) => {
+            cx.bad_file(name, message);
+            None
+        }
+    });
     cx.images.insert(key, image.clone());
     image
 }
@@ -224,11 +249,12 @@ impl Scalar {
             Channel::Blue => 2,
             Channel::Alpha => 3,
         };
+        keys.texture.hold(keys.factor, channel..channel + 1, cx);
         let texture = keys.texture.texture?;
         Some(Self {
             value: ScalarTexture::Image { texture, channel }.times(keys.factor),
             largest: keys.factor,
-            image_at: Some(keys.texture.at),
+            image_at: Some(keys.texture.file.at),
         })
     }
 }

@@ -223,6 +223,11 @@ impl<T: Named> Value for T {
 pub fn items<'d>(node: Node<'d>, expected: &str, cx: &mut Reader<'_>) -> Option<Vec<Node<'d>>> {
     match node.get_ref() {
         DeValue::Array(items) => Some(items.iter().collect()),
+        DeValue::Table(_) => {
+            let hint = "(a list of tables has two brackets: [[NAME]])";
+            cx.wrong_type(node, &format!("{expected} {hint}"));
+            None
+        }
         _ => {
             cx.wrong_type(node, expected);
             None

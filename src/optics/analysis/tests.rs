@@ -74,7 +74,8 @@ fn a_plano_convex_lens_has_the_focal_length_of_the_lensmaker() {
 
 #[test]
 fn seidel_sums_are_the_limit_of_real_rays() {
-    // The transverse aberrations of third order, from the wave aberration with W = S1/8 rho^4 + S2/2 h rho^3 cos + ...
+    // The transverse aberrations of third order, from the wave aberration with W = S1/8 rho^4 +
+    // S2/2 h rho^3 cos + ...
     let pupil = 4.0;
     let field = 2.0;
     let lens = singlet(pupil, field);

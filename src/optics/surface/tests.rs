@@ -84,7 +84,8 @@ fn the_first_crossing_of_an_asphere_is_the_first() {
                     hits += 1;
                 }
                 (None, None) => {}
-                // a scan sees no pair of crossings closer than a step, and not those within a step of the rim
+                // a scan sees no pair of crossings closer than a step, and not those within a step
+                // of the rim
                 (Some(t), None) => {
                     let p = from + d * t;
                     assert!(p.truncate().length() > 8.99, "{t} {surface:?} {from} {d}");

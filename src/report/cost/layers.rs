@@ -1,11 +1,11 @@
 //! The images of single strategies: a pyramid with a row for each number of vertices (after Veach
 //! 1997, figure 10.2), and the share of the light that regularized strategies bring.
 
+use crate::develop::Development;
 use crate::io::exr::{self, ExrImage};
-use crate::io::png::{png_bytes, preview_bytes};
+use crate::io::png::{developed_bytes, png_bytes};
 use crate::report::ReportError;
 use crate::report::html::{escape, png_url};
-use crate::spectrum::xyz::xyz_to_linear_srgb;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -110,7 +110,8 @@ pub fn section(path: &Path) -> Result<String, ReportError> {
             r#"<h3>{vertices} vertices, {stops:+} EV</h3><div class="row">"#
         );
         for layer in &row {
-            let png = preview_bytes(size, &layer.xyz, stops, xyz_to_linear_srgb).map_err(bad)?;
+            let png =
+                developed_bytes(size, &layer.xyz, &Development::linear(stops)).map_err(bad)?;
             let mark = if layer.merged { ", merged" } else { "" };
             let name = escape(&format!("s {}, t {}{mark}", layer.s, layer.t));
             _ = write!(

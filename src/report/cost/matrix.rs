@@ -11,7 +11,7 @@ use crate::scene::Settings;
 use crate::scene::effects::EffectKind;
 use crate::scene::frozen::Frozen;
 use crate::scene::regularization::{Decision, Mode, decide};
-use crate::scene::settings::{IntegratorKind, Regularize};
+use crate::scene::settings::{Heuristic, IntegratorKind, Regularize};
 
 /// Name of the variant that all others are compared with.
 pub const BASE: &str = "scene";
@@ -279,6 +279,14 @@ impl<'a> Base<'a> {
             let label = format!("at most {double} scattering vertices");
             let keys = [("max_depth", &*double.to_string())];
             settings.push(Variant::new("double-depth", &label, group, &keys));
+        }
+        let own = self.loaded.settings.heuristic;
+        if self.loaded.settings.integrator == IntegratorKind::Bdpt {
+            for weights in Heuristic::ALL.iter().filter(|h| **h != own) {
+                let (id, label) = (format!("weights-{weights}"), format!("{weights} weights"));
+                let keys = [("weights", weights.as_str())];
+                settings.push(Variant::new(&id, &label, group, &keys));
+            }
         }
         if let Some(choice) = &self.epsilon {
             for (id, factor) in [("epsilon-quarter", 0.25), ("epsilon-fourfold", 4.0)] {

@@ -225,7 +225,8 @@ impl Study {
         tell: &mut dyn FnMut(Event),
     ) -> Result<Option<Reference>, ReportError> {
         if let Some(path) = &self.request.reference {
-            return Reference::new(path.clone(), path.display().to_string()).map(Some);
+            // reports are passed on: they hold no folders of this machine
+            return Reference::new(path.clone(), file_name(path)).map(Some);
         }
         let variant = base.reference();
         let extent = self.request.extent.times(REFERENCE_CELLS);

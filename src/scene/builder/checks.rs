@@ -3,14 +3,11 @@
 use super::{SceneBuilderError, SceneDescription};
 use crate::geometry::Transform;
 use crate::light::{Light, LightKind};
-use crate::material::{LobeSpec, Material, MaterialId};
+use crate::material::MaterialId;
 use crate::medium::{Boundary, MediumId};
 use crate::scene::description::{ObjectDescription, SensorDescription, WavelengthChoice};
 use crate::spectrum::Emission;
-use crate::texture::{ScalarTexture, SpectrumTexture};
 
-/// Most lobes of a material.
-const MAX_LOBES: usize = 4;
 /// Most columns or rows of a film.
 const MAX_PIXELS: u32 = 1 << 16;
 
@@ -28,7 +25,7 @@ pub(super) fn check(scene: &SceneDescription) -> Result<(), SceneBuilderError> {
         part("medium", &medium.name, index.map(|_| ()))?;
     }
     for (i, material) in scene.materials.iter().enumerate() {
-        part("material", &i.to_string(), self::material(material, range))?;
+        part("material", &i.to_string(), material.validate(range))?;
     }
     for object in &scene.objects {
         part("object", &object.name, self::object(object, scene))?;
@@ -70,88 +67,6 @@ fn wavelengths(scene: &SceneDescription) -> Checked {
             "its lines are not one or more positive wavelengths",
         ),
         _ => Ok(()),
-    }
-}
-
-fn unit_scalar(what: &str, value: &ScalarTexture) -> Checked {
-    let outside = value.constant().filter(|v| !(0.0..=1.0).contains(v));
-    outside.map_or(Ok(()), |v| Err(format!("{what} is {v} (allowed: 0 to 1)")))
-}
-
-fn unit_spectrum(what: &str, value: &SpectrumTexture) -> Checked {
-    let SpectrumTexture::Uniform(curve) = value else {
-        return Ok(());
-    };
-    let (least, most) = curve.bounds();
-    require(
-        least >= 0.0 && most <= 1.0,
-        format!("{what} reaches from {least} to {most} (allowed: 0 to 1)"),
-    )
-}
-
-fn material(material: &Material, range_nm: [f64; 2]) -> Checked {
-    let count = material.lobes.len();
-    require(
-        count <= MAX_LOBES,
-        format!("{count} lobes (allowed: at most {MAX_LOBES})"),
-    )?;
-    let mut sum = 0.0;
-    for (weight, lobe) in &material.lobes {
-        unit_scalar("a weight", weight)?;
-        if !matches!(lobe, LobeSpec::Coat { .. }) {
-            sum += weight.constant().unwrap_or(0.0);
-        }
-        self::lobe(lobe, range_nm)?;
-    }
-    require(
-        sum <= 1.0 + 1e-9,
-        format!("the sum of the weights is {sum} (allowed: at most 1)"),
-    )
-}
-
-fn lobe(lobe: &LobeSpec, range_nm: [f64; 2]) -> Checked {
-    let roughness =
-        |alpha: &[ScalarTexture; 2]| alpha.iter().try_for_each(|a| unit_scalar("a roughness", a));
-    match lobe {
-        LobeSpec::Diffuse { reflectance } | LobeSpec::Mirror { reflectance } => {
-            unit_spectrum("the reflectance", reflectance)
-        }
-        LobeSpec::CoatedDiffuse {
-            reflectance,
-            strength,
-            ..
-        } => {
-            unit_scalar("the strength of the coat", strength)?;
-            unit_spectrum("the reflectance", reflectance)
-        }
-        LobeSpec::Conductor { ior, alpha, tint } => {
-            ior.validate_conductor(range_nm)
-                .map_err(|e| e.to_string())?;
-            roughness(alpha)?;
-            unit_spectrum("the tint", tint)
-        }
-        LobeSpec::ColoredMetal { color, alpha } => {
-            roughness(alpha)?;
-            unit_spectrum("the color", color)
-        }
-        LobeSpec::Dielectric {
-            alpha,
-            reflect_tint,
-            transmit_tint,
-        } => {
-            roughness(alpha)?;
-            unit_spectrum("the tint of reflection", reflect_tint)?;
-            unit_spectrum("the tint of transmission", transmit_tint)
-        }
-        LobeSpec::Thin { ior, transmit_tint } => {
-            ior.validate(range_nm).map_err(|e| e.to_string())?;
-            unit_spectrum("the tint", transmit_tint)
-        }
-        LobeSpec::Coat { index, alpha, tint } => {
-            require(*index >= 1.0, format!("index {index} (allowed: 1 or more)"))?;
-            roughness(alpha)?;
-            unit_spectrum("the tint", tint)
-        }
     }
 }
 

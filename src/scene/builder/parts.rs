@@ -9,7 +9,8 @@ use crate::scene::description::AreaEmission;
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
 
-/// The rigid motion of a camera at `eye` that sees `target` in the middle of its film and `up` upwards.
+/// The rigid motion of a camera at `eye` that sees `target` in the middle of its film and `up`
+/// upwards.
 #[must_use]
 pub fn look_at(eye: impl Into<DVec3>, target: impl Into<DVec3>, up: impl Into<DVec3>) -> DAffine3 {
     let eye = eye.into();
@@ -50,7 +51,8 @@ impl SceneBuilder {
         self.object(name, Shape::Box, placed(axes, 0.5 * (min + max)))
     }
 
-    /// Adds a parallelogram: `u` and `v` lead from its center to the middle of two sides, its normal is along u × v.
+    /// Adds a parallelogram: `u` and `v` lead from its center to the middle of two sides, its
+    /// normal is along u × v.
     pub fn quad(
         &mut self,
         name: &str,
@@ -90,7 +92,8 @@ impl SceneBuilder {
         self.object(name, Shape::Mesh(mesh.into()), Transform::fixed(to_world))
     }
 
-    /// Adds a pinhole camera of columns × rows pixels, placed by [`look_at`], with the full vertical field of view `fov_y_rad`.
+    /// Adds a pinhole camera of columns × rows pixels, placed by [`look_at`], with the full
+    /// vertical field of view `fov_y_rad`.
     pub fn pinhole(
         &mut self,
         name: &str,
@@ -144,8 +147,9 @@ impl SceneBuilder {
         )
     }
 
-    /// Adds a rectangular detector, which absorbs: `u` and `v` lead from its center to the middle of the right and of the upper
-    /// side, at right angles; it measures what arrives on the side of u × v.
+    /// Adds a rectangular detector, which absorbs: `u` and `v` lead from its center to the middle
+    /// of the right and of the upper side, at right angles; it measures what arrives on the side of
+    /// u × v.
     pub fn detector(
         &mut self,
         name: &str,
@@ -183,7 +187,8 @@ impl ObjectDescription {
         self
     }
 
-    /// Makes it a light of a radiance (W/(m² sr nm), and W/(m² sr) per line), on the side of its normal.
+    /// Makes it a light of a radiance (W/(m² sr nm), and W/(m² sr) per line), on the side of its
+    /// normal.
     pub fn emits(&mut self, radiance: Emission) -> &mut Self {
         self.emission = Some(AreaEmission {
             radiance,

@@ -168,7 +168,7 @@ fn what_is_not_possible_is_named() {
             |s| {
                 s.clear("foam", Ior::constant(0.5));
             },
-            "medium \"foam\": n = 0.5 has the refractive index 0.5 at 360 nm (at least 1 is needed)",
+            "medium \"foam\": n = 0.5 has the refractive index 0.5 at 360 nm (allowed: 1 to 10)",
         ),
         (
             |s| {

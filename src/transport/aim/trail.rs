@@ -1,16 +1,16 @@
 //! A finished path as a list of places, and the bridges that could have made it.
 
 use super::{Bounce, Far, MAX_CHAIN, differential, is_solvable, surface::Surface};
-use crate::geometry::{EndPoint, SurfaceId};
+use crate::geometry::{EndPoint, SurfaceId, SurfacePoint};
 use crate::light::LightKind;
-use crate::medium::Region;
+use crate::medium::MediumId;
 use crate::scene::chains::{ChainKind, ChainLink};
 use crate::transport::context::PathContext;
 use crate::transport::density::{Bridge, PathView};
 use crate::transport::strategies::StrategySet;
 use crate::transport::subpath::Vertex;
 use arrayvec::ArrayVec;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Where a scattering vertex is.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +22,21 @@ pub struct Place {
     /// Face and instance.
     pub id: SurfaceId,
     /// The media on the side the normal points to, and on the other.
-    pub regions: [Region; 2],
+    pub media: [MediumId; 2],
+}
+
+impl Place {
+    /// The place as a point of its surface, without texture coordinates.
+    #[must_use]
+    pub fn surface_point(&self) -> SurfacePoint {
+        SurfacePoint {
+            p: self.p,
+            ng: self.ng,
+            ns: self.ng,
+            uv: DVec2::ZERO,
+            id: self.id,
+        }
+    }
 }
 
 impl From<&Vertex> for Place {
@@ -31,7 +45,7 @@ impl From<&Vertex> for Place {
             p: vertex.p,
             ng: vertex.ng,
             id: vertex.id,
-            regions: vertex.regions,
+            media: vertex.media,
         }
     }
 }
@@ -95,7 +109,7 @@ pub type Placed = (
 /// A kind of chain at the moment and at the wavelength of `lane` of a path; `None` where a shape is out of round.
 #[must_use]
 pub fn place(context: &PathContext, kind: &[ChainLink], lane: usize) -> Option<Placed> {
-    let index = |region: Region| context.medium(region.medium).eta[lane];
+    let index = |medium: MediumId| context.medium(medium).eta[lane];
     let (mut bounces, mut eta) = (ArrayVec::new(), ArrayVec::new());
     eta.push(index(kind.first()?.before()));
     for link in kind {
@@ -114,8 +128,7 @@ pub fn place(context: &PathContext, kind: &[ChainLink], lane: usize) -> Option<P
 /// Whether a chain bends each wavelength its own way.
 #[must_use]
 pub fn is_dispersive(context: &PathContext, kind: &[ChainLink]) -> bool {
-    let disperses =
-        |link: &ChainLink| link.transmits && context.interface(&link.regions).dispersive;
+    let disperses = |link: &ChainLink| link.transmits && context.interface(link.media).dispersive;
     kind.iter().any(disperses)
 }
 
@@ -153,6 +166,11 @@ pub fn bridges(
     let bridge = |a: usize, b: usize, samples: f64, wanted: &dyn Fn(&ChainKind) -> bool| {
         let kind = links(trail, light, a, b)?;
         if !context.scene.chains.contains(&kind) || !wanted(&kind) {
+            return None;
+        }
+        // what is met where surfaces touch is no surface of the list
+        let is_alone = |i| context.scene.is_simple(&trail.place(i).surface_point());
+        if !(a + 1..b).all(is_alone) {
             return None;
         }
         let (bounces, eta) = place(context, &kind, lane)?;
@@ -200,7 +218,7 @@ fn links(trail: &Trail, light: &LightKind, a: usize, b: usize) -> Option<ChainKi
             id: place.id,
             transmits: (toward_sensor.dot(place.ng) > 0.0) != from_above,
             from_above,
-            regions: place.regions,
+            media: place.media,
         }
     };
     Some((a + 1..b).map(link).collect())

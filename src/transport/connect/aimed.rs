@@ -2,15 +2,17 @@
 
 mod reach;
 
-use super::{Candidate, Joiner, Numerator, Segment};
-use crate::geometry::{EndPoint, Ray};
+use super::{Candidate, Joiner, Numerator};
+use crate::geometry::{EndPoint, Face, Ray};
 use crate::light::{LightId, LightKind};
-use crate::medium::Region;
+use crate::medium::MediumStack;
 use crate::sampler::Draw;
 use crate::scene::chains::ChainKind;
+use crate::scene::crossing::resolve;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::aim::trail::{self, Place, Placed, Trail};
 use crate::transport::aim::{Bounce, Far, MAX_CHAIN, Points, differential, placed, solve};
+use crate::transport::contribution::Target;
 use crate::transport::density::{PathView, VertexDensity};
 use crate::transport::subpath::Subpath;
 use arrayvec::ArrayVec;
@@ -27,7 +29,7 @@ struct Start {
     x0: EndPoint,
     /// Its density as light is emitted, the choice of the light included.
     pdf: f64,
-    region: Region,
+    stack: MediumStack,
 }
 
 /// The end x_a.
@@ -70,11 +72,11 @@ impl Joiner<'_> {
             return;
         }
         let context = self.context;
-        let regions = &camera.vertices[j].regions;
+        let media = &camera.vertices[j].media;
         let mut start = None;
         for kind in context.scene.chains.kinds() {
             let (first, last) = (&kind[0], &kind[kind.len() - 1]);
-            if !regions.contains(&last.after()) || j + 1 + kind.len() > self.max_depth {
+            if !media.contains(&last.after()) || j + 1 + kind.len() > self.max_depth {
                 continue;
             }
             if start.is_none() {
@@ -83,7 +85,7 @@ impl Joiner<'_> {
                 };
                 start = Some(drawn);
             }
-            let Some(start) = start.filter(|s| s.region == first.before()) else {
+            let Some(start) = start.filter(|s| s.stack.medium() == first.before()) else {
                 continue;
             };
             let ends = Ends {
@@ -108,18 +110,18 @@ impl Joiner<'_> {
             return;
         }
         let context = self.context;
-        let regions = &light.vertices[i].regions;
+        let media = &light.vertices[i].media;
         let start = Start {
             id,
             x0: light.origin,
             pdf: light.densities[0].own,
-            region: light.region,
+            stack: *light.start_stack(),
         };
         let mut point = None;
         for kind in context.scene.chains.kinds() {
             let (first, last) = (&kind[0], &kind[kind.len() - 1]);
-            if !regions.contains(&first.before())
-                || last.after() != self.sensor_region()
+            if !media.contains(&first.before())
+                || last.after() != self.sensor_medium()
                 || i + 1 + kind.len() > self.max_depth
                 || !everywhere && !trail::is_dispersive(context, kind)
             {
@@ -149,13 +151,13 @@ impl Joiner<'_> {
             id,
             x0: light.origin,
             pdf: light.densities[0].own,
-            region: light.region,
+            stack: *light.start_stack(),
         };
         let mut point = None;
         for kind in context.scene.chains.kinds() {
             let (first, last) = (&kind[0], &kind[kind.len() - 1]);
-            if start.region != first.before()
-                || last.after() != self.sensor_region()
+            if start.stack.medium() != first.before()
+                || last.after() != self.sensor_medium()
                 || kind.len() > self.max_depth
             {
                 continue;
@@ -169,12 +171,6 @@ impl Joiner<'_> {
             };
             self.aim(&ends, kind);
         }
-    }
-
-    fn sensor_region(&self) -> Region {
-        self.context.scene.sensors[self.context.sensor]
-            .stack
-            .region()
     }
 
     /// A start on a light, as light is emitted.
@@ -197,7 +193,7 @@ impl Joiner<'_> {
             id,
             x0: sample.x0,
             pdf: probability * sample.pdf_x0,
-            region: scene.light_stack(id).region(),
+            stack: *scene.light_stack(id),
         })
     }
 
@@ -259,6 +255,46 @@ impl Joiner<'_> {
         }
     }
 
+    /// Transmittance of the segments of a chain, given from the sensor's side on, the first in the
+    /// solids of `stack`; 0 also where a vertex of the chain is not between the media it is solved
+    /// for.
+    pub(super) fn chain_visibility(
+        &mut self,
+        chain: &[Place],
+        segments: &[Ray],
+        stack: &MediumStack,
+    ) -> f64 {
+        let scene = self.context.scene;
+        let (mut open, mut stack) = (1.0, *stack);
+        for (i, ray) in segments.iter().enumerate() {
+            self.counters.shadow_rays += 1;
+            let (share, arrived) = scene.carry(ray, &stack);
+            open *= share;
+            if open == 0.0 {
+                return 0.0;
+            }
+            let (Some(next), Some(place)) = (segments.get(i + 1), chain.iter().rev().nth(i)) else {
+                break;
+            };
+            let face = Face {
+                point: place.surface_point(),
+                folded: false,
+            };
+            let Ok(crossing) = resolve(&scene.objects, &[face], &arrived, ray.d) else {
+                return 0.0;
+            };
+            let from_above = ray.d.dot(place.ng) < 0.0;
+            let sides = [arrived.medium(), crossing.behind.medium()];
+            if sides != [usize::from(!from_above), usize::from(from_above)].map(|k| place.media[k])
+            {
+                return 0.0;
+            }
+            let transmits = (next.d.dot(place.ng) < 0.0) == from_above;
+            stack = if transmits { crossing.behind } else { arrived };
+        }
+        open
+    }
+
     /// The contribution of one chain.
     fn bridge(
         &mut self,
@@ -294,7 +330,8 @@ impl Joiner<'_> {
         let at_sensor = self.reach_sensor(ends, last, points[m - 1], kind[m - 1].after())?;
 
         let jacobian = differential::jacobian(bounces, points, eta, far, to);
-        let media = [kind[0].before(), kind[m - 1].after()].map(|r| context.eta_squared(r.medium));
+        let media =
+            [kind[0].before(), kind[m - 1].after()].map(|medium| context.eta_squared(medium));
         let mut lanes = at_light.weight.lanes * at_sensor.weight.lanes * media[1];
         if matches!(ends.light, LightEnd::Start) {
             lanes *= SampledSpectrum::ONE / media[0];
@@ -303,18 +340,18 @@ impl Joiner<'_> {
         for (i, (link, bounce)) in kind.iter().zip(bounces).enumerate() {
             let (vertex, value) = self.solved(link, bounce, points[i], &segments[i..i + 2]);
             lanes *= value;
-            lanes *= context
-                .medium(link.before().medium)
-                .transmittance(segments[i].1);
+            lanes *= context.medium(link.before()).transmittance(segments[i].1);
             solved.push(vertex);
         }
-        lanes *= context
-            .medium(kind[m - 1].after().medium)
-            .transmittance(last.1);
+        lanes *= context.medium(kind[m - 1].after()).transmittance(last.1);
         if let Some(lane) = only {
             lanes = SampledSpectrum::from_fn(|k| if k == lane { lanes[k] } else { 0.0 });
         }
         if lanes.is_black(context.count()) {
+            return None;
+        }
+        let is_alone = |s: &Solved| scene.is_simple(&s.place.surface_point());
+        if !solved.iter().all(is_alone) {
             return None;
         }
         let numerator = Numerator {
@@ -322,7 +359,7 @@ impl Joiner<'_> {
             lanes,
         };
 
-        let mut shadow: ArrayVec<Segment, { MAX_CHAIN + 1 }> = ArrayVec::new();
+        let mut shadow: ArrayVec<Ray, { MAX_CHAIN + 1 }> = ArrayVec::new();
         for i in (0..=m).rev() {
             let (w, length) = segments[i];
             let (from, surface) = match points.get(i) {
@@ -332,10 +369,7 @@ impl Joiner<'_> {
             let end = i
                 .checked_sub(1)
                 .map_or(at_light.surface, |i| Some(kind[i].id));
-            let region = kind
-                .get(i)
-                .map_or(kind[m - 1].after(), |link| link.before());
-            shadow.push((Ray::leaving(from, -w, surface).ending(length, end), region));
+            shadow.push(Ray::leaving(from, -w, surface).ending(length, end));
         }
 
         let mut densities = std::mem::take(&mut self.scratch.bridged);
@@ -374,6 +408,11 @@ impl Joiner<'_> {
                 hittable_light: self.is_hittable(Some(ends.start.id)),
                 bridges: [None; 2],
                 made: None,
+                emitter: ends.start.id,
+                raster: match at_sensor.target {
+                    Target::OwnPixel => self.raster,
+                    Target::Splat(raster) => raster,
+                },
             },
             trail: Trail {
                 x0: ends.start.x0,
@@ -388,12 +427,11 @@ impl Joiner<'_> {
                     SensorEnd::Sensor(..) => at_sensor.point,
                 },
             },
-            light: Some(ends.start.id),
             bridge: Some((a, a + 1 + m)),
             lane: only.unwrap_or(0),
             target: at_sensor.target,
         };
-        self.finish(&numerator, &candidate, &shadow);
+        self.finish(&numerator, &candidate, &shadow, &at_sensor.stack);
         self.scratch.bridged = densities;
         self.scratch.columns = columns;
         Some(())

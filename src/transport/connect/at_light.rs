@@ -61,7 +61,7 @@ impl Joiner<'_> {
         if radiance.is_black(self.context.count()) {
             return;
         }
-        let medium = vertex.region(vertex.toward_previous).medium;
+        let medium = vertex.medium(vertex.toward_previous);
         let arrival = LightArrival {
             t,
             id: hit.light,
@@ -149,6 +149,8 @@ impl Joiner<'_> {
                 hittable_light: true,
                 bridges: [None; 2],
                 made: None,
+                emitter: id,
+                raster: self.raster,
             },
             trail: Trail {
                 x0: arrival.x0,
@@ -157,7 +159,6 @@ impl Joiner<'_> {
                 camera: &camera.vertices[..t - 2],
                 x_sensor: camera.origin,
             },
-            light: Some(id),
             bridge: None,
             lane: 0,
             target: Target::OwnPixel,
@@ -167,20 +168,24 @@ impl Joiner<'_> {
             scale: arrival.throughput.scale,
             lanes: arrival.throughput.lanes * arrival.radiance * inverse_eta2,
         };
-        self.finish(&numerator, &candidate, &[]);
+        self.finish(&numerator, &candidate, &[], camera.start_stack());
     }
 
     /// Draws a point of a light to be joined to `p`.
     fn draw_light(&self, p: DVec3, draw: Draw) -> Option<DirectLight> {
         let u = self.sampler.set(draw);
         let (id, probability, u0) = self.context.scene.selection.sample(u[0])?;
-        let sample = self.light(id).sample_direct(
+        let mut sample = self.light(id).sample_direct(
             &self.context.scene.geometry,
             &self.context.wavelengths,
             p,
             u0,
             DVec2::new(u[1], u[2]),
         )?;
+        let exposure = self.context.scene.exposure(&sample.x0);
+        if exposure != 1.0 {
+            sample.value *= exposure as f32;
+        }
         Some(DirectLight {
             id,
             probability,
@@ -195,12 +200,12 @@ impl Joiner<'_> {
         let start = EndStart::new(pf0, Departure::Start(direction));
         let receiver = Receiver::of_light(self.light(drawn.id), &x0, toward);
         let light = End {
-            light: Some(drawn.id),
             drawn: true,
             emission: Some((drawn.sample.value, drawn.probability)),
             direct: drawn.probability * drawn.sample.pdf,
             hittable: self.is_hittable(Some(drawn.id)),
-            ..End::start(&start, x0, camera.region, receiver)
+            emitter: drawn.id,
+            ..End::start(&start, x0, camera.stack, receiver)
         };
         self.join(&light, camera, (-toward, drawn.sample.distance), true);
     }
@@ -217,7 +222,7 @@ impl Joiner<'_> {
         let w = drawn.sample.toward;
         if !vertex.sides_agree(w)
             || !vertex.sides_agree(vertex.toward_previous)
-            || vertex.region(w).medium != self.light_medium(drawn.id)
+            || vertex.medium(w) != self.light_medium(drawn.id)
         {
             return;
         }
@@ -246,7 +251,7 @@ impl Joiner<'_> {
         };
         let w = drawn.sample.toward;
         let cos = w.dot(x_sensor.n);
-        if cos <= 0.0 || camera.region.medium != self.light_medium(drawn.id) {
+        if cos <= 0.0 || camera.start_stack().medium() != self.light_medium(drawn.id) {
             return;
         }
         self.counters.connections_tried += 1;
@@ -259,7 +264,7 @@ impl Joiner<'_> {
             // the sample's weight is W_e π / pdf: without the π of its direction it is W_e / pdf
             weight: Throughput::splat(weight / std::f64::consts::PI),
             cos,
-            ..End::start(&start, x_sensor, camera.region, receiver)
+            ..End::start(&start, x_sensor, camera.start_stack(), receiver)
         };
         self.join_light(&drawn, &end);
     }

@@ -2,6 +2,7 @@
 
 use super::Joiner;
 use crate::bsdf::BsdfEval;
+use crate::light::LightId;
 use crate::spectrum::MAX_LANES;
 use crate::transport::class::PathClass;
 use crate::transport::context::Counters;
@@ -35,6 +36,7 @@ fn merged(lanes: [f64; MAX_LANES], j: usize) -> Contribution {
         regularized: 0,
         merged: true,
         aimed: false,
+        emitter: LightId(0),
         class: PathClass::new(),
     }
 }
@@ -163,6 +165,8 @@ impl Joiner<'_> {
             hittable_light: self.is_hittable(light.light),
             bridges: [None; 2],
             made: None,
+            emitter: light.light.unwrap_or(LightId(0)),
+            raster: self.raster,
         };
         let multipliers = Multipliers::new(&view, self.strategies);
         let weights = merge_denominator(

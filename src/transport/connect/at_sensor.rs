@@ -26,7 +26,9 @@ impl Joiner<'_> {
             let [u, v, _, _] = self.sampler.set(draw);
             DVec2::new(u, v)
         };
-        camera.sample_connection(p, u_lens, self.context.moment(), margin)
+        let mut drawn = camera.sample_connection(p, u_lens, self.context.moment(), margin)?;
+        drawn.importance *= self.context.scene.exposure(&drawn.xk);
+        (drawn.importance > 0.0).then_some(drawn)
     }
 
     /// t = 1: joins the end `light` to the drawn point of the sensor.
@@ -40,7 +42,7 @@ impl Joiner<'_> {
             drawn: true,
             weight: Throughput::splat(drawn.importance),
             target: Target::Splat(drawn.raster),
-            ..End::start(&start, x_sensor, light.region, receiver)
+            ..End::start(&start, x_sensor, light.stack, receiver)
         };
         self.join(light, &camera, (toward, drawn.distance), true);
     }
@@ -57,7 +59,7 @@ impl Joiner<'_> {
         let w = drawn.toward;
         if !vertex.sides_agree(w)
             || !vertex.sides_agree(vertex.toward_previous)
-            || vertex.region(w).medium != self.sensor_medium()
+            || vertex.medium(w) != self.sensor_medium()
         {
             return;
         }
@@ -99,10 +101,13 @@ impl Joiner<'_> {
             uv,
             id: surface,
         };
-        let radiance = self
+        let mut radiance = self
             .light(id)
             .radiance(&point, toward, &context.wavelengths);
-        if radiance.is_black(context.count()) || light.region.medium != self.sensor_medium() {
+        radiance *= context.scene.exposure(&x0) as f32;
+        if radiance.is_black(context.count())
+            || light.start_stack().medium() != self.sensor_medium()
+        {
             return;
         }
         self.counters.connections_tried += 1;
@@ -112,12 +117,12 @@ impl Joiner<'_> {
         let start = EndStart::new(pf0, unseen);
         let cos = x0.cos(toward);
         let end = End {
-            light: Some(id),
             cos,
             emission: Some((radiance, pf0)),
             direct: pf0,
             hittable: true,
-            ..End::start(&start, x0, light.region, Receiver::Area { cos })
+            emitter: id,
+            ..End::start(&start, x0, light.start_stack(), Receiver::Area { cos })
         };
         self.join_sensor(&end, &drawn);
     }
@@ -173,6 +178,8 @@ impl Joiner<'_> {
                 hittable_light: self.is_hittable(light.light),
                 bridges: [None; 2],
                 made: None,
+                emitter: id,
+                raster: hit.raster,
             },
             trail: Trail {
                 x0: light.origin,
@@ -181,7 +188,6 @@ impl Joiner<'_> {
                 camera: &[],
                 x_sensor: hit.x_sensor,
             },
-            light: light.light,
             bridge: None,
             lane: 0,
             target: Target::Splat(hit.raster),
@@ -190,11 +196,11 @@ impl Joiner<'_> {
             scale: hit.throughput.scale * hit.importance,
             lanes: hit.throughput.lanes,
         };
-        self.finish(&numerator, &candidate, &[]);
+        self.finish(&numerator, &candidate, &[], light.start_stack());
         self.scratch.arrival = arrival;
     }
 
-    fn sensor_medium(&self) -> MediumId {
+    pub(super) fn sensor_medium(&self) -> MediumId {
         self.context.scene.sensors[self.context.sensor]
             .stack
             .medium()

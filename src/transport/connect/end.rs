@@ -9,7 +9,7 @@ use super::{Candidate, Joiner, Numerator};
 use crate::bsdf::Label;
 use crate::geometry::{EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
-use crate::medium::Region;
+use crate::medium::MediumStack;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::aim::trail::Trail;
 use crate::transport::contribution::Target;
@@ -119,15 +119,13 @@ pub(super) struct End<'p> {
     /// Scattering vertices of the sub-path up to here, and its start.
     pub vertices: &'p [Vertex],
     pub start: EndPoint,
-    /// The light it starts on.
-    pub light: Option<LightId>,
     /// Densities of the sub-path up to here.
     pub path: &'p [VertexDensity],
     pub columns: &'p [Column],
     pub labels: &'p [EndLabel],
     pub point: EndPoint,
-    /// Medium of the edge at this end.
-    pub region: Region,
+    /// The solids the edge is in at this end.
+    pub stack: &'p MediumStack,
     pub receiver: Receiver,
     /// Jacobian from solid angle here to the measure of the vertex before; 0 where there is none.
     pub before: f64,
@@ -147,22 +145,28 @@ pub(super) struct End<'p> {
     pub direct: f64,
     /// Light side: camera sub-paths can hit x₀.
     pub hittable: bool,
+    /// Light side: the light of x₀.
+    pub emitter: LightId,
     /// Sensor side: the pixel.
     pub target: Target,
 }
 
 impl<'p> End<'p> {
     /// An end point of weight 1.
-    pub fn start(start: &'p EndStart, point: EndPoint, region: Region, receiver: Receiver) -> Self {
+    pub fn start(
+        start: &'p EndStart,
+        point: EndPoint,
+        stack: &'p MediumStack,
+        receiver: Receiver,
+    ) -> Self {
         Self {
             vertices: &[],
             start: point,
-            light: None,
             path: std::slice::from_ref(&start.density),
             columns: &[],
             labels: std::slice::from_ref(&start.label),
             point,
-            region,
+            stack,
             receiver,
             before: 0.0,
             weight: Throughput::splat(1.0),
@@ -172,6 +176,7 @@ impl<'p> End<'p> {
             emission: None,
             direct: 0.0,
             hittable: false,
+            emitter: LightId(0),
             target: Target::OwnPixel,
         }
     }
@@ -212,12 +217,11 @@ impl Joiner<'_> {
         End {
             vertices: &path.vertices[..=i],
             start: path.origin,
-            light: path.light,
             path: &path.densities[..i + 2],
             columns: &path.columns,
             labels,
             point: vertex.end_point(),
-            region: *vertex.region(w),
+            stack: path.stack(i, w),
             receiver: Receiver::Area { cos: geometric_cos },
             before: self.before_factor(path, i),
             weight: vertex.throughput,
@@ -227,6 +231,7 @@ impl Joiner<'_> {
             emission: None,
             direct: path.direct,
             hittable: self.is_hittable(path.light),
+            emitter: path.light.unwrap_or(LightId(0)),
             target: Target::OwnPixel,
         }
     }
@@ -294,7 +299,7 @@ impl Joiner<'_> {
         };
         let ray =
             Ray::leaving(from.point.p, w, from.point.surface).ending(distance, to.point.surface);
-        let medium = from.region.medium;
+        let medium = from.stack.medium();
         let (value, probability) = match light.emission {
             Some(emission) => emission,
             None => (self.context.eta_squared(medium), 1.0),
@@ -336,6 +341,11 @@ impl Joiner<'_> {
                 hittable_light: light.hittable,
                 bridges: [None; 2],
                 made: None,
+                emitter: light.emitter,
+                raster: match camera.target {
+                    Target::OwnPixel => self.raster,
+                    Target::Splat(raster) => raster,
+                },
             };
             let numerator = Numerator {
                 scale,
@@ -355,12 +365,11 @@ impl Joiner<'_> {
                     camera: camera.vertices,
                     x_sensor: camera.start,
                 },
-                light: light.light,
                 bridge: None,
                 lane: 0,
                 target: camera.target,
             };
-            self.finish(&numerator, &candidate, &[(ray, from.region)]);
+            self.finish(&numerator, &candidate, &[ray], from.stack);
         }
     }
 }

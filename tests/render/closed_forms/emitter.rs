@@ -31,7 +31,8 @@ fn pixels(scene: &Arc<Scene>, settings: &Settings, crop: Crop, passes: u32) -> V
 }
 
 fn check(camera: &str, filter: &str, resolution: [u32; 2], crop: Crop, kind: IntegratorKind) {
-    // as large as the filters reach (1.5 pixels from the centre of the last), seen from every point of the lens
+    // as large as the filters reach (1.5 pixels from the centre of the last), seen from every point
+    // of the lens
     let half = |pixels: u32| 0.5 * (f64::from(pixels) + 2.2) / f64::from(resolution[1]) + 0.05;
     let text = SCENE
         .replace("HALF_X", &half(resolution[0]).to_string())

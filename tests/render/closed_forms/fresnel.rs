@@ -4,7 +4,8 @@ use crate::harness::{assert_close, line_mean, scene, test_scale, with};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light};
 use std::f64::consts::PI;
 
-/// Normal incidence on a slab, all reflections between its faces included: T = 2n/(n² + 1) and R = 1 - T.
+/// Normal incidence on a slab, all reflections between its faces included: T = 2n/(n² + 1) and R =
+/// 1 - T.
 #[test]
 fn slab_at_normal_incidence() {
     let cases = [
@@ -84,8 +85,8 @@ beam = {{ position = [-{0}, {1}, 0], direction = [{x}, -{y}, 0], radius = 1, irr
     measured.assert_is("Brewster reflectance", reflectance, 8e-3);
 }
 
-/// About the critical angle of N-BK7 at the d line (41.245189°), from inside: below it the textbook's R and T, beyond it R = 1
-/// without noise and no light outside.
+/// About the critical angle of N-BK7 at the d line (41.245189°), from inside: below it the
+/// textbook's R and T, beyond it R = 1 without noise and no light outside.
 #[test]
 fn total_reflection() {
     for degrees in [30.0_f64, 41.0, 41.2451, 41.2453, 42.0, 70.0] {

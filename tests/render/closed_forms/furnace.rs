@@ -1,10 +1,12 @@
 //! Furnaces: in uniform light everything that absorbs nothing is invisible.
 
+use crate::equality::compare;
 use crate::harness::{assert_close, line_images, line_mean, measure, scene, test_scale, with};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
 use std::f64::consts::PI;
 
-/// Every path has weight 1 at a single wavelength, so every pixel is 1 but for the rounding of the lanes.
+/// Every path has weight 1 at a single wavelength, so every pixel is 1 but for the rounding of the
+/// lanes.
 #[test]
 fn clear_sphere_in_uniform_light_is_invisible() {
     for index in [
@@ -56,8 +58,8 @@ interior = "glass"
 environment = { radiance = 1 }
 "#;
 
-/// Radiance η² and irradiance πη² inside glass. The sensors stand where no direction is totally reflected, and the detector lets
-/// pass what comes back, so that nothing is lost.
+/// Radiance η² and irradiance πη² inside glass. The sensors stand where no direction is totally
+/// reflected, and the detector lets pass what comes back, so that nothing is lost.
 #[test]
 fn light_is_denser_inside_glass() {
     let (scene, settings) = scene(INSIDE);
@@ -127,4 +129,66 @@ sphere = { radius = 1 }
 material = "wall"
 emission = 0.8
 two_sided = true
+"#;
+
+/// A rough ball that absorbs nothing is invisible too, to 1 %, whatever finds the light; when light
+/// of several facets is lost it is not.
+#[test]
+fn rough_ball_in_uniform_light_is_invisible() {
+    let cases = [
+        (
+            "conductor = { color = 1, roughness = 1 }",
+            "",
+            [16, 256, 16],
+        ),
+        (
+            "dielectric = { roughness = 0.6 }",
+            "interior = \"glass\"",
+            [140, 1000, 200],
+        ),
+        (
+            "coated = { reflectance = 1, roughness = 0.7, ior = 1.8 }",
+            "",
+            [16, 256, 16],
+        ),
+    ];
+    for (lobe, interior, passes) in cases {
+        let text = ROUGH.replace("LOBE", lobe).replace("INTERIOR", interior);
+        let (lossless, settings) = scene(&text);
+        let radiance = |scene, kind, passes: u32| {
+            let radiance = line_mean(scene, 0, &with(&settings, kind), 16, passes * test_scale());
+            println!("{lobe} by {kind:?}: {radiance:?}");
+            radiance
+        };
+        let [path, light, bdpt] = [(Path, passes[0]), (Light, passes[1]), (Bdpt, passes[2])]
+            .map(|(kind, passes)| radiance(&lossless, kind, passes));
+        for found in [path, bdpt] {
+            assert!(found.error < 2.5e-3, "{lobe}: {found:?}");
+            assert!((found.mean - 1.0).abs() < 0.01, "{lobe}: {found:?}");
+        }
+        compare(lobe, "path and bdpt", &path, &bdpt, 4e-3);
+        compare(lobe, "path and light", &path, &light, 1.5e-2);
+        let (losing, _) = scene(&text.replace("material.m]", "material.m]\nmultiscatter = false"));
+        let single = radiance(&losing, Path, passes[0]);
+        assert!(single.mean < 0.97, "{lobe}: {single:?}");
+    }
+}
+
+const ROUGH: &str = r#"
+[render]
+wavelengths = { line_nm = 550 }
+[[sensor]]
+resolution = [8, 8]
+filter = "box"
+perspective = { eye = [0, 0, 10], target = [0, 0, 0], fov_deg = 8 }
+[medium.glass]
+ior = 1.5
+[material.m]
+LOBE
+[[object]]
+sphere = { radius = 1 }
+material = "m"
+INTERIOR
+[[light]]
+environment = { radiance = 1 }
 "#;

@@ -10,7 +10,8 @@ fn scenes() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
 }
 
-/// Where the light of one line fell: flux, centroid and rms radius about it, in the detector's length unit (x along u, y along v).
+/// Where the light of one line fell: flux, centroid and rms radius about it, in the detector's
+/// length unit (x along u, y along v).
 #[derive(Debug)]
 struct Spot {
     flux: f64,
@@ -19,7 +20,8 @@ struct Spot {
     rms: f64,
 }
 
-/// Reads the spot of the scene's only line on its first sensor, a square of `n` x `n` pixels with edge `edge`.
+/// Reads the spot of the scene's only line on its first sensor, a square of `n` x `n` pixels with
+/// edge `edge`.
 fn spot(text: &str, n: usize, edge: f64, passes: u32) -> Spot {
     let (scene, settings) = scene_in(&scenes(), text);
     let image = line_images(&scene, 0, &settings, 1, passes)
@@ -54,7 +56,8 @@ fn spot(text: &str, n: usize, edge: f64, passes: u32) -> Spot {
     }
 }
 
-/// Minimum deviation of 60° prisms, D = 2 asin(n sin 30°) - 60°: a thin beam lands within 0.01 mm on 1 m.
+/// Minimum deviation of 60° prisms, D = 2 asin(n sin 30°) - 60°: a thin beam lands within 0.01 mm
+/// on 1 m.
 #[test]
 fn prism_deviation() {
     let bk7 = [
@@ -76,7 +79,8 @@ fn prism_deviation() {
             let deviation = f64::to_radians(degrees);
             assert!((2.0 * (0.5_f64 * index).asin() - PI / 3.0 - deviation).abs() < 3e-7);
             let (sin, cos) = (0.5 * deviation).sin_cos();
-            // in at the middle of the left face, level through the glass, out at the middle of the right face
+            // in at the middle of the left face, level through the glass, out at the middle of the
+            // right face
             let text = PRISM
                 .replace("GLASS", glass)
                 .replace("LINE", &line.to_string())
@@ -96,8 +100,8 @@ fn prism_deviation() {
                 distance < 0.01,
                 "{glass} at {line} nm: off by {distance} mm: {spot:?}"
             );
-            // nothing fell beside the detector: two refractions at minimum deviation (light that is reflected once around the
-            // prism leaves the same way, and is left out by the depth)
+            // nothing fell beside the detector: two refractions at minimum deviation (light that is
+            // reflected once around the prism leaves the same way, and is left out by the depth)
             let incidence = PI / 6.0 + 0.5 * deviation;
             let (a, b) = (incidence, PI / 6.0);
             let t = 1.0
@@ -137,8 +141,8 @@ interior = "glass"
 beam = { position = POSITION, direction = DIRECTION, radius = 0.002, irradiance = 1 }
 "#;
 
-/// A lamp of five lines through a prism at minimum deviation for one of them: each lands where a ray traced by hand does, as bright
-/// as Fresnel's two surfaces leave it.
+/// A lamp of five lines through a prism at minimum deviation for one of them: each lands where a
+/// ray traced by hand does, as bright as Fresnel's two surfaces leave it.
 #[test]
 fn line_lamp_through_a_prism() {
     // of N-SF10, ascending wavelengths
@@ -191,7 +195,8 @@ fn line_lamp_through_a_prism() {
     }
 }
 
-/// Where a ray that enters the prism of [`LAMP`] along `d` lands, from the middle of the detector, and its transmittance.
+/// Where a ray that enters the prism of [`LAMP`] along `d` lands, from the middle of the detector,
+/// and its transmittance.
 fn through_prism(index: f64, d: DVec2) -> (f64, f64) {
     // sides through (-7.5, 0) and (7.5, 0), outward normals at 150° and 30°
     let (left, right) = (
@@ -242,8 +247,8 @@ interior = "glass"
 beam = { position = POSITION, direction = DIRECTION, radius = 0.05, irradiance = "lamp" }
 "#;
 
-/// A ball of diameter D focuses thin beams at nD/(4(n-1)) from its centre. The focus is where the cone between two detectors is
-/// narrowest: both see the same rays, so their noise cancels.
+/// A ball of diameter D focuses thin beams at nD/(4(n-1)) from its centre. The focus is where the
+/// cone between two detectors is narrowest: both see the same rays, so their noise cancels.
 #[test]
 fn ball_lens_focus() {
     let cases = [

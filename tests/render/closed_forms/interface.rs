@@ -12,7 +12,8 @@ fn transmittance(n_from: f64, n_to: f64, sin_from: f64) -> f64 {
     1.0 - 0.5 * (r_s * r_s + r_p * r_p)
 }
 
-/// Two planes with an interface between them: the light at distance `from` in index `n_from`, the detector at `to` in `n_to`.
+/// Two planes with an interface between them: the light at distance `from` in index `n_from`, the
+/// detector at `to` in `n_to`.
 struct Sheet {
     n_from: f64,
     from: f64,
@@ -28,7 +29,8 @@ impl Sheet {
             + self.from * sin_from / (1.0 - sin_from * sin_from).sqrt()
     }
 
-    /// Irradiance per unit radiance and unit area of a light patch at lateral distance `s`: (n_to/n_from)² T cosθ dω/dA.
+    /// Irradiance per unit radiance and unit area of a light patch at lateral distance `s`:
+    /// (n_to/n_from)² T cosθ dω/dA.
     fn irradiance(&self, s: f64) -> f64 {
         let (mut low, mut high) = (0.0, (self.n_from / self.n_to).min(1.0));
         for _ in 0..60 {
@@ -48,7 +50,8 @@ impl Sheet {
         ratio * ratio * transmittance(self.n_from, self.n_to, sin_from) * sin / (slope * s)
     }
 
-    /// Mean over a square detector of half edge `detector` under a parallel square light of half edge `light`.
+    /// Mean over a square detector of half edge `detector` under a parallel square light of half
+    /// edge `light`.
     fn mean(&self, light: f64, detector: f64) -> f64 {
         let n = 24;
         // midpoints; the detector's are shifted against the light's, so that no distance is 0
@@ -70,7 +73,8 @@ impl Sheet {
     }
 }
 
-/// Light in one medium, detector in the other, by the strategies that find the light, the detector, or both.
+/// Light in one medium, detector in the other, by the strategies that find the light, the detector,
+/// or both.
 fn compare_orders(scene_text: &str, sheet: &Sheet) {
     let (scene, settings) = scene(scene_text);
     let expected = sheet.mean(0.5, 0.4);
@@ -205,7 +209,8 @@ interior = "air"
     }
 }
 
-/// A solid of another medium of the same index has surfaces, but R = 0 and the ray goes straight on: the same mean.
+/// A solid of another medium of the same index has surfaces, but R = 0 and the ray goes straight
+/// on: the same mean.
 #[test]
 fn object_of_equal_index_is_not_seen() {
     let ball = r#"

@@ -7,10 +7,12 @@ use abbe::scene::settings::Regularize::{Mis, Off};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 use std::f64::consts::PI;
 
-/// A beam between parallel mirrors of R = .99 that leaves after 50 reflections: .99^50 = .6050060671.
+/// A beam between parallel mirrors of R = .99 that leaves after 50 reflections: .99^50 =
+/// .6050060671.
 #[test]
 fn fifty_reflections() {
-    // 0.1 m forward from mirror to mirror: the 50th hit is at x = 4.95, the detector catches the light half way to the 51st
+    // 0.1 m forward from mirror to mirror: the 50th hit is at x = 4.95, the detector catches the
+    // light half way to the 51st
     let (scene, settings) = scene(FIFTY);
     let flux = 0.06 * 0.06 / (PI * 1e-4);
     let measured = line_mean(&scene, 0, &settings, 32, 4 * test_scale()).scaled(flux);
@@ -40,10 +42,12 @@ material = "silver"
 beam = { position = [0, 0.5, 0], direction = [0.1, -1, 0], radius = 0.01, irradiance = 1 }
 "#;
 
-/// Point light I (the whole, or a cone of it), mirror R, detector: E = R I cosθ'/d'² with the light's mirror image.
+/// Point light I (the whole, or a cone of it), mirror R, detector: E = R I cosθ'/d'² with the
+/// light's mirror image.
 #[test]
 fn point_light_in_a_mirror() {
-    // the image of (0, 1, -1.2) in y = 0 is (0, -1, -1.2); the detector is the square of half edge h in the plane z = 0
+    // the image of (0, 1, -1.2) in y = 0 is (0, -1, -1.2); the detector is the square of half edge
+    // h in the plane z = 0
     let h = 0.4;
     let n = 200;
     let mut sum = 0.0;
@@ -94,10 +98,12 @@ disk = { center = [0, 1, -0.6], normal = [0, 0, 1], radius = 0.45 }
 point = { position = [0, 1, -1.2], intensity = 3 }
 "#;
 
-/// A point light seen by a pinhole in a mirror, whose image of finite flux and no extent a cone spreads over a disc.
+/// A point light seen by a pinhole in a mirror, whose image of finite flux and no extent a cone
+/// spreads over a disc.
 ///
-/// Both strategies of light, mirror, pinhole join at the mirror, so that what they estimate is exactly the integral over the
-/// mirror of I/b² cosθ₁ · R/(A c̄) · cosθ₁'/a² · 1/(A_film cos³θ) within the cone: no bias is left to allow for.
+/// Both strategies of light, mirror, pinhole join at the mirror, so that what they estimate is
+/// exactly the integral over the mirror of I/b² cosθ₁ · R/(A c̄) · cosθ₁'/a² · 1/(A_film cos³θ)
+/// within the cone: no bias is left to allow for.
 #[test]
 fn the_image_of_a_point_light_in_a_mirror_is_a_disc_if_asked_for() {
     let shown = SEEN.replace("[render]", "[render]\nshow_point_lights = true");
@@ -109,13 +115,15 @@ fn the_image_of_a_point_light_in_a_mirror_is_a_disc_if_asked_for() {
     let cos = toward.normalize().dot((TARGET - EYE).normalize());
     let exact = 0.7 * 3.0 / (toward.length_squared() * film_area() * cos.powi(3));
     assert!((expected.flux / exact - 1.0).abs() < 2.0 * epsilon * epsilon);
-    // and the disc is ε b/(a + b) wide, seen from the pinhole, b of the a + b metres being those from the mirror to the light
+    // and the disc is ε b/(a + b) wide, seen from the pinhole, b of the a + b metres being those
+    // from the mirror to the light
     let beyond = 1.0 / (EYE.y + 1.0);
     let width = epsilon * beyond * f64::from(SIDE) / (2.0 * HALF_WIDTH);
     assert!((expected.radius / width - 1.0).abs() < 0.15);
 
     for (kind, passes) in [(Bdpt, 8), (Path, 8), (Light, 8)] {
-        // from the light alone few paths of all directions come near the mirror's cone: there it shines nowhere else
+        // from the light alone few paths of all directions come near the mirror's cone: there it
+        // shines nowhere else
         let narrow = "spot = { direction = [-0.15, -0.9, 1], outer_deg = 6, ";
         let text = match kind {
             Light => shown.replace("point = { ", narrow),
@@ -148,8 +156,8 @@ fn the_image_of_a_point_light_in_a_mirror_is_a_disc_if_asked_for() {
     }
 }
 
-/// What an image shows of the mirrored light: mean over the film, center of mass in pixels, distance of the farthest light
-/// from it.
+/// Mirrored light in an image: mean over the film, center of mass in pixels, distance of the
+/// farthest light from it.
 struct SeenInMirror {
     flux: f64,
     center: DVec2,

@@ -4,8 +4,8 @@ use crate::harness::{Y_OF_555_NM, line_mean, measure, scene, test_scale, with};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
 use std::f64::consts::PI;
 
-/// Irradiance of a uniform disc of radius `a` and radiance 1 on the parallel plane at distance `h`, at `rho` from the axis
-/// (Walsh 1926); on the axis it is π a²/(a² + h²).
+/// Irradiance of a uniform disc of radius `a` and radiance 1 on the parallel plane at distance `h`,
+/// at `rho` from the axis (Walsh 1926); on the axis it is π a²/(a² + h²).
 fn under_disc(a: f64, h: f64, rho: f64) -> f64 {
     let (a2, h2, rho2) = (a * a, h * h, rho * rho);
     let sum = h2 + rho2 + a2;
@@ -55,7 +55,8 @@ disk = { center = [0, 0, 2], normal = [0, 0, -1], radius = 0.5 }
 emission = 1
 "#;
 
-/// The same light around a corner: a mirror of R = .9 at 45°, with the disc 1 m after it and the detector 1 m before it.
+/// The same light around a corner: a mirror of R = .9 at 45°, with the disc 1 m after it and the
+/// detector 1 m before it.
 #[test]
 fn disc_light_in_a_mirror() {
     let (scene, settings) = scene(MIRRORED);

@@ -5,7 +5,7 @@ use crate::camera::CameraKind;
 use crate::camera::perspective::ThinLens;
 use crate::geometry::Mesh;
 use crate::light::Light;
-use crate::light::spot::SpotLight;
+use crate::light::spot::{Falloff, SpotLight};
 use crate::material::{LobeSpec, Material, MaterialId};
 use crate::medium::MediumId;
 use crate::scene::builder::look_at;
@@ -230,6 +230,7 @@ fn densities_by_definition_of_every_kind_of_light() {
     let cone = SpotLight {
         cone_rad: outer,
         falloff_start_rad: inner,
+        falloff: Falloff::SmoothStep,
     };
     let along = DVec3::new(-0.5, -0.8, -0.6);
     let lights = [

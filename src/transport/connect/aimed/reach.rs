@@ -6,7 +6,7 @@ use super::{Ends, LightEnd, SensorEnd, Start};
 use crate::bsdf::{Bsdf, Label};
 use crate::geometry::{EndPoint, SurfaceId, SurfacePoint};
 use crate::light::LightKind;
-use crate::medium::Region;
+use crate::medium::{MediumId, MediumStack};
 use crate::scene::chains::ChainLink;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::aim::Bounce;
@@ -30,6 +30,8 @@ pub(super) struct Reached {
     pub target: Target,
     pub surface: Option<SurfaceId>,
     pub point: EndPoint,
+    /// The solids that the chain is in there.
+    pub stack: MediumStack,
     /// Density of a point of the sensor.
     pub own: f64,
 }
@@ -56,7 +58,7 @@ impl Joiner<'_> {
         let context = self.context;
         let scene = context.scene;
         let ng = bounce.surface.normal(p);
-        let interface = context.interface(&link.regions);
+        let interface = context.interface(link.media);
         let uv = scene.geometry.texture_coordinates(link.id, p);
         self.scratch.lobes.clear();
         scene
@@ -87,7 +89,7 @@ impl Joiner<'_> {
                 p,
                 ng,
                 id: link.id,
-                regions: link.regions,
+                media: link.media,
             },
             label,
             dispersive: link.transmits && interface.dispersive,
@@ -103,12 +105,12 @@ impl Joiner<'_> {
         ends: &Ends,
         (w, length): (DVec3, f64),
         p: DVec3,
-        region: Region,
+        medium: MediumId,
     ) -> Option<Reached> {
         match ends.light {
             LightEnd::Vertex(path, i) => {
                 let vertex = &path.vertices[i];
-                let label = self.reach_vertex(path, i, w, region)?;
+                let label = self.reach_vertex(path, i, w, medium)?;
                 let cos = vertex.cos(w);
                 let correction = vertex.light_side_correction(vertex.toward_previous);
                 Some(Reached {
@@ -122,6 +124,7 @@ impl Joiner<'_> {
                     target: Target::OwnPixel,
                     surface: Some(vertex.id),
                     point: vertex.end_point(),
+                    stack: *path.stack(i, w),
                     own: 0.0,
                 })
             }
@@ -157,15 +160,17 @@ impl Joiner<'_> {
                     return None;
                 }
                 let cos = if x0.infinite { 1.0 } else { x0.cos(w) };
+                let exposure = context.scene.exposure(&x0);
                 let (_, direction) = self.emission(id, &x0, w);
                 Some(Reached {
-                    weight: Throughput::splat(cos / pdf).times(&value),
+                    weight: Throughput::splat(cos * exposure / pdf).times(&value),
                     across: Departure::Start(direction),
                     behind: EdgeDensity::default(),
                     factor: Receiver::of_light(light, &x0, w).factor(length),
                     target: Target::OwnPixel,
                     surface: x0.surface,
                     point: x0,
+                    stack: ends.start.stack,
                     own: pdf,
                 })
             }
@@ -178,12 +183,12 @@ impl Joiner<'_> {
         ends: &Ends,
         (w, length): (DVec3, f64),
         p: DVec3,
-        region: Region,
+        medium: MediumId,
     ) -> Option<Reached> {
         match ends.sensor {
             SensorEnd::Vertex(path, j) => {
                 let vertex = &path.vertices[j];
-                let label = self.reach_vertex(path, j, -w, region)?;
+                let label = self.reach_vertex(path, j, -w, medium)?;
                 Some(Reached {
                     weight: vertex
                         .throughput
@@ -195,6 +200,7 @@ impl Joiner<'_> {
                     target: Target::OwnPixel,
                     surface: Some(vertex.id),
                     point: vertex.end_point(),
+                    stack: *path.stack(j, -w),
                     own: 0.0,
                 })
             }
@@ -212,16 +218,23 @@ impl Joiner<'_> {
                     target: Target::Splat(drawn.raster),
                     surface: drawn.xk.surface,
                     point: drawn.xk,
+                    stack: sensor.stack,
                     own: drawn.pdf_xk,
                 })
             }
         }
     }
 
-    /// Vertex `i`, left in unit direction `w` into `region`, under its non-specular label.
-    fn reach_vertex(&self, path: &Subpath, i: usize, w: DVec3, region: Region) -> Option<EndLabel> {
+    /// Vertex `i`, left in unit direction `w` into `medium`, under its non-specular label.
+    fn reach_vertex(
+        &self,
+        path: &Subpath,
+        i: usize,
+        w: DVec3,
+        medium: MediumId,
+    ) -> Option<EndLabel> {
         let vertex = &path.vertices[i];
-        if !vertex.sides_agree(w) || *vertex.region(w) != region {
+        if !vertex.sides_agree(w) || vertex.medium(w) != medium {
             return None;
         }
         self.rough_label(path, i, w)

@@ -1,0 +1,40 @@
+//! The options of `abbe develop`.
+
+use super::values;
+use crate::develop::{Display, ToneCurve, White};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `abbe develop`.
+#[derive(Debug, Args)]
+pub struct DevelopOptions {
+    /// Images (EXR with channels X, Y, Z) or parts
+    #[arg(value_name = "IMAGE", required = true)]
+    pub images: Vec<PathBuf>,
+    /// The picture to write; NAME.png in the working directory otherwise
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Exposure in stops; by the picture itself otherwise (of detectors: the largest value is
+    /// white)
+    #[arg(long, value_name = "EV", value_parser = values::stops, allow_negative_numbers = true)]
+    pub exposure: Option<f64>,
+    /// Tone curve; filmic otherwise, of detectors linear
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub tone: Option<ToneCurve>,
+    /// The color that is to be white: none (D65), scene (the mean of the picture), R,G,B, a
+    /// temperature such as 3200K, or a spectrum such as D50
+    #[arg(long, value_name = "COLOR", default_value = "none", value_parser = values::white)]
+    pub white: White,
+    /// The display
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = Display::Srgb)]
+    pub display: Display,
+    /// Bits per channel
+    #[arg(long, value_name = "BITS", default_value = "8", value_parser = ["8", "16"])]
+    pub depth: String,
+    /// A layer of the image, such as regularized; the picture itself otherwise
+    #[arg(long, value_name = "NAME")]
+    pub layer: Option<String>,
+    /// Prints nothing but errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}

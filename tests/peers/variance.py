@@ -1,0 +1,137 @@
+#!/usr/bin/env python3
+"""Measures variance times CPU time of weights and programs over the bench scenes.
+
+    cargo build --release && cargo run --release --example bench_meshes
+    python3 -m venv target/variance && target/variance/bin/pip install -r tests/colour/requirements.txt
+    target/variance/bin/python tests/peers/variance.py --base PROGRAM [--scenes mesh,motion] [--spp 16,64] [--seeds 4]
+        [--modes off,auto] [--rows 150] [--variant NAME=OPTIONS]... [--work FOLDER] [--json FILE]
+
+PROGRAM is an older abbe to compare with (without it, this one under the balance heuristic is). Every variant renders every scene
+with the same seeds in turn, box filter, one thread. CPU time is the user time of the process less that of loading the scene, so
+other load on the machine matters little; of the seeds the least time counts. Figures are variances over the seeds, per pixel over (reference^2 + .01) of an image
+scaled to mean 1, times CPU seconds: of all pixels, of all but the worst .1 %, of the median pixel; and of the paths of direct and
+once scattered light (LDE, LDDE) alone, mean and median. The reference is the mean of all images of this program but those of
+`path`. Printed are the ratios of each variant to the base and to `path`; below 1 the variant is better. Run by hand; it is no
+part of the test suite. Means over few seeds are ruled by few pixels where light is found by luck.
+"""
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+import numpy as np
+import OpenEXR
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+SCENES = "caustic_lens,torus_glass_cube,cornell_diffuse,motion,mesh,sds_point,closed_room"
+DIRECT = "class:^LDD?E$"
+FIGURES = ["mean", "trimmed", "median", "LD(D)E mean", "LD(D)E median"]
+
+
+def user_seconds(command):
+    """Runs a command; user time of it alone."""
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    message = process.stderr.read().decode()
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        sys.exit(f"{' '.join(map(str, command))}: {message}")
+    return usage.ru_utime
+
+
+def luminances(path):
+    """Y of the image and of its direct light."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = file.channels()
+        return [channels[name].pixels.astype(float) for name in ("Y", "class0.Y")]
+
+
+class Variant:
+    def __init__(self, name, program, options):
+        self.name, self.program, self.options = name, program, options
+
+
+def render(variant, scene, mode, spp, seed, args, crop=None):
+    name = "-".join(str(v) for v in (scene, mode, spp, args.rows, variant.name, seed))
+    out = args.work / f"{name}.exr"
+    note = args.work / f"{name}.seconds"
+    if not note.exists() or crop:
+        width, height = args.size[scene]
+        command = [variant.program, "render", ROOT / "scenes" / "bench" / f"{scene}.toml", "-o", out, "--seed", str(seed)]
+        command += ["--spp", str(spp), "--threads", "1", "-q", "--filter", "box", "--regularize", mode, "--no-preview"]
+        command += ["--set", f"sensor.0.resolution=[{width}, {height}]", "--aov", DIRECT] + variant.options
+        if crop:
+            return user_seconds(command + ["--crop", crop, "--integrator", "path"])
+        note.write_text(str(user_seconds(command)))
+    return luminances(out), float(note.read_text())
+
+
+def size_of(scene, rows):
+    text = (ROOT / "scenes" / "bench" / f"{scene}.toml").read_text()
+    line = next(line for line in text.splitlines() if line.startswith("resolution"))
+    width, height = json.loads(line.split("=")[1])
+    return round(width * rows / height), rows
+
+
+def figures(images, reference, direct_reference, seconds):
+    out = []
+    for layer, expected in ((0, reference), (1, direct_reference)):
+        values = np.array([image[layer] for image in images])
+        variance = values.var(axis=0, ddof=1) / (expected**2 + 0.01 * np.mean(expected) ** 2)
+        sorted_ = np.sort(variance.ravel())
+        kept = sorted_[: len(sorted_) - max(1, len(sorted_) // 1000)]
+        every = [variance.mean(), kept.mean(), np.median(variance)]
+        out += every if layer == 0 else [every[0], every[2]]
+    return [value * seconds for value in out], seconds
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--program", default=ROOT / "target" / "release" / "abbe")
+    parser.add_argument("--base")
+    parser.add_argument("--scenes", default=SCENES)
+    parser.add_argument("--spp", default="16,64")
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--modes", default="off,auto")
+    parser.add_argument("--rows", type=int, default=150)
+    parser.add_argument("--variant", action="append", default=[], help="NAME=OPTIONS or NAME@PROGRAM=OPTIONS")
+    parser.add_argument("--work", type=pathlib.Path, default=ROOT / "target" / "variance" / "images")
+    parser.add_argument("--json", type=pathlib.Path)
+    args = parser.parse_args()
+    args.work.mkdir(parents=True, exist_ok=True)
+    base = Variant("base", args.base, []) if args.base else Variant("base", args.program, ["--heuristic", "balance"])
+    variants = [base, Variant("path", args.program, ["--integrator", "path"]), Variant("this", args.program, [])]
+    for text in args.variant:
+        name, options = text.split("=", 1)
+        name, _, program = name.partition("@")
+        variants.append(Variant(name, program or args.program, options.split()))
+    args.size = {scene: size_of(scene, args.rows) for scene in args.scenes.split(",")}
+    found = []
+    print(f"{'scene':18}{'mode':6}{'spp':>4} {'variant':9}{'CPU s':>7}  " + "".join(f"{'/base ' + f:>20}" for f in FIGURES)
+          + "".join(f"{'/path ' + f:>20}" for f in FIGURES))
+    for scene in args.scenes.split(","):
+        loading = min(render(variants[2], scene, "off", 1, 0, args, "0,0,1,1") for _ in range(2))
+        for mode in args.modes.split(","):
+            for spp in map(int, args.spp.split(",")):
+                results = {v.name: ([], []) for v in variants}
+                for seed in range(1, args.seeds + 1):
+                    for variant in variants:
+                        images, seconds = render(variant, scene, mode, spp, seed, args)
+                        results[variant.name][0].append(images)
+                        results[variant.name][1].append(seconds - loading)
+                whole = [images for v in variants if v.name not in ("base", "path") for images in results[v.name][0]]
+                references = [np.mean([images[layer] for images in whole], axis=0) for layer in (0, 1)]
+                rows = {name: figures(images, *references, min(times)) for name, (images, times) in results.items()}
+                for name, (values, seconds) in rows.items():
+                    ratios = [[v / o if o else float("nan") for v, o in zip(values, rows[other][0])] for other in ("base", "path")]
+                    found.append(dict(scene=scene, mode=mode, spp=spp, variant=name, seconds=seconds, values=values, ratios=ratios))
+                    print(f"{scene:18}{mode:6}{spp:4} {name:9}{seconds:7.2f}  "
+                          + "".join(f"{r:20.3f}" for r in ratios[0] + ratios[1]), flush=True)
+    if args.json:
+        args.json.write_text(json.dumps(found, indent=1))
+
+
+if __name__ == "__main__":
+    main()
