@@ -4,7 +4,7 @@
 use super::args::RenderOptions;
 use super::image_output::{check_ending, preview_path};
 use super::interrupt::{self, Interrupts};
-use super::memory::within_limit;
+use super::memory::{self, Need};
 use super::progress::Progress;
 use super::save::{self, Saver, Targets};
 use super::stats::{self, SensorStats};
@@ -16,7 +16,7 @@ use crate::io::loaded::{self, Loaded};
 use crate::io::part::Resumed;
 use crate::render::clock::cpu_seconds;
 use crate::render::guides::Guide;
-use crate::render::memory::film_bytes;
+use crate::render::memory::{film_bytes, saving_bytes};
 use crate::render::session::NO_LIMIT;
 use crate::render::{
     OutputRequest, PhotonMemory, Render, Session, SessionOptions, StopReason, StopRules,
@@ -41,6 +41,8 @@ struct Job<'a> {
     rules: StopRules,
     interrupts: Interrupts,
     pool: &'a ThreadPool,
+    /// Without photons.
+    need: Need,
 }
 
 /// A session before its first pass.
@@ -53,7 +55,8 @@ struct Begun {
 /// Runs the command.
 pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
     options.moment.check(&options.scene)?;
-    let loaded = loaded::load(&options.scene, &options.scene_overrides())?;
+    let load = || loaded::load(&options.scene, &options.scene_overrides());
+    let loaded = memory::guarded(options.max_memory, load)??;
     let sensors = chosen_sensors(options, &loaded)?;
     let targets: Vec<Targets> = sensors
         .iter()
@@ -66,7 +69,8 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         .collect::<Result<Vec<_>, _>>()?;
     let request = output_request(options, &loaded);
     let _part = save::take_part(options)?;
-    check_memory(options, &loaded, &request, &crops)?;
+    let need = need(options, &loaded, &request, &crops);
+    need.check(options.max_memory)?;
     // from here on: the first output says that an interrupt is safe
     let interrupts = interrupt::listen()?;
     if !options.quiet {
@@ -95,6 +99,7 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         interrupts,
         loaded: &loaded,
         pool: &pool,
+        need,
     };
     let threads = pool.current_num_threads();
     let (outcome, sensor_stats) = job.render_all(&sensors, &crops, &targets)?;
@@ -210,19 +215,23 @@ fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
     }
 }
 
-fn check_memory(
-    options: &RenderOptions,
-    loaded: &Loaded,
-    request: &OutputRequest,
-    crops: &[Crop],
-) -> Result<(), CliError> {
+fn need(options: &RenderOptions, loaded: &Loaded, request: &OutputRequest, crops: &[Crop]) -> Need {
     // sensors are rendered one after the other
-    let films = crops
-        .iter()
-        .map(|c| film_bytes(c.pixels(), request))
-        .max()
-        .unwrap_or(0);
-    within_limit(options.max_memory, films, &loaded.scene, None)
+    let pixels = crops.iter().map(Crop::pixels).max().unwrap_or(0);
+    let spectral = request.spectral.as_ref();
+    let spectral = spectral.map_or(0, SpectralChannels::count) as u64;
+    Need {
+        loaded: memory::loaded_bytes(&loaded.scene),
+        // those of the pass in flight, too
+        films: film_bytes(pixels, request).saturating_mul(2),
+        // at most three channels a layer
+        saving: saving_bytes(
+            pixels,
+            spectral + 3 * options.aov.len() as u64,
+            options.part.is_some(),
+        ),
+        photons: 0,
+    }
 }
 
 impl Job<'_> {
@@ -271,7 +280,7 @@ impl Job<'_> {
         if session.passes_left() == 0 && session.render().passes().is_empty() {
             return Err(CliError::Failed("there is no pass to render".to_owned()));
         }
-        self.tell_choices(&session, crop, photons.as_ref())?;
+        self.tell_choices(&session, photons.as_ref())?;
         let progress = Arc::new(Progress::new(
             &loaded.scene.sensors[sensor].name,
             &session,
@@ -372,7 +381,6 @@ impl Job<'_> {
     fn tell_choices(
         &self,
         session: &Session,
-        crop: Crop,
         photons: Option<&PhotonMemory>,
     ) -> Result<(), CliError> {
         let (options, render) = (self.options, session.render());
@@ -386,18 +394,24 @@ impl Job<'_> {
         if !options.quiet {
             print(&summary::regularization(&render));
         }
+        let need = Need {
+            photons: photons.map_or(0, PhotonMemory::bytes),
+            ..self.need
+        };
         if let (Some(radius), Some(memory)) = (render.radius(), photons) {
             if !options.quiet {
                 print(&summary::merging(radius, memory));
             }
-            let films = film_bytes(crop.pixels(), &self.request);
-            within_limit(options.max_memory, films, &self.loaded.scene, Some(memory))?;
+            need.check(options.max_memory)?;
             if !memory.is_addressable() {
                 return Err(CliError::Failed(
                     "a pass would have more than 4 billion photons: render with a smaller --crop"
                         .to_owned(),
                 ));
             }
+        }
+        if !options.quiet {
+            print(&summary::memory(&need));
         }
         Ok(())
     }

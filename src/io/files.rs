@@ -6,6 +6,8 @@ use std::path::{Component, Path, PathBuf};
 
 /// Largest scene file.
 pub const MAX_SCENE_BYTES: u64 = 16 << 20;
+/// Most tables and lists of a scene file, which take far more memory than their text.
+pub const MAX_SCENE_LISTS: usize = 600_000;
 /// Largest table of a spectrum or an index.
 pub const MAX_CSV_BYTES: u64 = 16 << 20;
 /// Largest mesh file.

@@ -233,13 +233,14 @@ fn failures_are_explained() {
             "render scene.toml -o no/a.exr",
             "error: no/a.exr: the folder does not exist",
         ),
+        ("render scene.toml --max-memory 1K", "error: loading takes "),
         (
-            "render scene.toml --max-memory 1K",
-            "--max-memory allows 1.0 KiB",
+            "render scene.toml --max-memory 200M --set sensor.0.resolution=[1000,1000]",
+            ", films 183.1 MiB, saving 95.4 MiB: together ",
         ),
         (
-            "render scene.toml --integrator vcm --max-memory 38K",
-            "films, meshes, textures and photons need",
+            "render scene.toml --integrator vcm --max-memory 420M --set sensor.0.resolution=[1000,1000]",
+            ", films 183.1 MiB, saving 95.4 MiB, photons ",
         ),
         ("render scene.toml --set render.spp=0", "--set render.spp=0"),
         ("glass N-BK77", "unknown glass"),
@@ -656,7 +657,8 @@ fn info_says_what_and_why() {
     }
     let value = json(&succeed(dir.path(), "info scene.toml --json"));
     assert_eq!(value["sensors"][0]["width"], 24);
-    assert_eq!(value["memory_bytes"]["films"], 24 * 16 * 3 * 32);
+    // of whole passes and of the one in flight
+    assert_eq!(value["memory_bytes"]["films"], 2 * 24 * 16 * 3 * 32);
     let resized = json(&succeed(
         dir.path(),
         "info scene.toml --json --set sensor.0.resolution=[4,5]",

@@ -2,7 +2,7 @@
 //! stops.
 
 use super::{BuildError, Builder, Subject};
-use crate::geometry::contact::{add_region, contacts, overlaps};
+use crate::geometry::contact::{TooManyContacts, add_region, contacts, overlaps};
 use crate::geometry::{Accel, Contact, Mesh, Shape};
 use crate::medium::{Boundary, MediumId};
 use crate::scene::crossing::stands_alone;
@@ -45,7 +45,8 @@ impl Builder {
     /// Surroundings of each object: surfaces that touch it, and solids that decide about segments.
     /// The contacts.
     pub(super) fn surroundings(&mut self, accel: &Accel) -> Result<Vec<Contact>, BuildError> {
-        let contacts = contacts(accel);
+        let overlaps = overlaps(accel.instances()).map_err(|found| self.crowded(found))?;
+        let contacts = contacts(accel, &overlaps).map_err(|found| self.crowded(found))?;
         for contact in &contacts {
             let [first, second] = contact.pair.map(|id| &self.objects[id.0 as usize]);
             let hides = |o: &Object| o.sensor.is_some() && !o.transparent_sensor;
@@ -63,7 +64,7 @@ impl Builder {
             }
         }
         let mut among_solids = vec![false; self.objects.len()];
-        for [a, b] in overlaps(accel.instances()) {
+        for [a, b] in overlaps {
             let [a, b] = [a, b].map(|id| id.0 as usize);
             let separates = |i: usize| self.objects[i].boundary != Boundary::None;
             if separates(a) && separates(b) {
@@ -75,6 +76,20 @@ impl Builder {
             object.passage = passage(object, among_solids, self.ambient);
         }
         Ok(contacts)
+    }
+
+    fn crowded(&self, TooManyContacts(pair): TooManyContacts) -> BuildError {
+        let [name, other] = pair.map(|id| self.objects[id.0 as usize].name.clone());
+        let first = pair[0].0 as usize;
+        let subject = match self.objects[first].sensor {
+            Some(sensor) => Subject::Sensor(sensor),
+            None => Subject::Object(first),
+        };
+        BuildError::Crowded {
+            subject,
+            name,
+            other,
+        }
     }
 }
 
