@@ -2,6 +2,7 @@
 
 use super::args::CostOptions;
 use super::{CliError, Outcome, interrupt, print, threads};
+use crate::render::Cancel;
 use crate::report::cost::{Event, Extent, PAGE, Request, Study};
 use crate::report::readable::duration;
 
@@ -24,7 +25,7 @@ pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
         vary: options.vary.clone(),
         probe: options.probe,
     })?;
-    let interrupts = interrupt::listen()?;
+    interrupt::end_with("interrupted: the same command goes on from the cells that are done")?;
     let pool = threads::pool(options.threads)?;
     let say = |text: &str| {
         if !options.quiet {
@@ -32,10 +33,8 @@ pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
         }
     };
     let mut tell = |event: Event| say(&text(options, &event));
-    let report =
-        pool.install(|| study.run(pool.current_num_threads(), interrupts.cancel(), &mut tell))?;
-    let Some(report) = report else {
-        say("interrupted; the same command goes on from the cells that are done\n");
+    let (threads, never) = (pool.current_num_threads(), Cancel::default());
+    let Some(report) = pool.install(|| study.run(threads, &never, &mut tell))? else {
         return Ok(Outcome::Interrupted);
     };
     for sentence in &report.sentences {

@@ -37,7 +37,12 @@ fn target(options: &DevelopOptions, source: &Path) -> PathBuf {
 
 fn develop(options: &DevelopOptions, source: &Path) -> Result<(), CliError> {
     let image = if part::is_part(source)? {
-        image::of_part(&part::read(source)?)?
+        let part = part::read(source)?;
+        if part.header.pass_count() == 0 {
+            let text = "no pass of it is whole: there is no picture (render goes on with --resume)";
+            return Err(CliError::file(source, text));
+        }
+        image::of_part(&part)?
     } else {
         exr::read(source)?
     };

@@ -1,13 +1,16 @@
 //! `abbe info`: what a scene holds, what it calls for and why.
 
 use super::args::InfoOptions;
+use super::memory::guarded;
 use super::usage::bytes_text;
 use super::{CliError, Outcome, glass, print, summary, tell};
 use crate::geometry::{Shape, Shutter};
 use crate::integrator::aims;
 use crate::io::loaded::{Loaded, load};
 use crate::render::OutputRequest;
-use crate::render::memory::{film_bytes, geometry_bytes, texture_bytes};
+use crate::render::memory::{
+    film_bytes, geometry_bytes, object_bytes, saving_bytes, texture_bytes,
+};
 use crate::scene::Scene;
 use crate::scene::chains::ChainLink;
 use crate::scene::effects::Effect;
@@ -23,7 +26,7 @@ const MOST_CONTACTS: usize = 20;
 
 /// Runs the command.
 pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
-    let loaded = load(&options.scene, &options.overrides.set)?;
+    let loaded = guarded(None, || load(&options.scene, &options.overrides.set))??;
     for warning in &loaded.warnings {
         tell(&format!("warning: {warning}"));
     }
@@ -121,11 +124,13 @@ fn triangles(loaded: &Loaded) -> usize {
         .sum()
 }
 
-/// Bytes of the XYZ films of all sensors, each in full.
-fn films_bytes(loaded: &Loaded) -> u64 {
-    let request = OutputRequest::default();
-    let films = loaded.scene.sensors.iter().map(|s| s.whole_film());
-    films.map(|f| film_bytes(f.pixels(), &request)).sum()
+/// Bytes of the XYZ films of the largest sensor, those of the pass in flight included, and what
+/// saving image and part takes.
+fn films_bytes(loaded: &Loaded) -> (u64, u64) {
+    let films = loaded.scene.sensors.iter().map(|s| s.whole_film().pixels());
+    let pixels = films.max().unwrap_or(0);
+    let films = film_bytes(pixels, &OutputRequest::default());
+    (films.saturating_mul(2), saving_bytes(pixels, 0, true))
 }
 
 /// Empty where the shutter is as it is by default.
@@ -216,12 +221,14 @@ fn to_text(loaded: &Loaded) -> String {
     }
     text += &summary::effects(&effects(loaded));
     text += &chains(loaded);
-    let (films, meshes) = (films_bytes(loaded), geometry_bytes(scene));
+    let ((films, saving), meshes) = (films_bytes(loaded), geometry_bytes(scene));
     let images = scene.images();
     _ = writeln!(
         text,
-        "memory\n  films         {}\n  meshes        {}\n  textures      {}, {} images",
+        "memory\n  films         {}\n  saving        {}\n  objects       {}\n  meshes        {}\n  textures      {}, {} images",
         bytes_text(films),
+        bytes_text(saving),
+        bytes_text(object_bytes(scene)),
         bytes_text(meshes),
         bytes_text(texture_bytes(scene)),
         images.len()
@@ -284,6 +291,7 @@ fn to_json(loaded: &Loaded) -> Value {
             .filter_map(|(i, s)| Some((s.name.clone(), json!(scene.motion_blur_px(i, moving)?))));
         json!({ "name": name, "kind": kind, "way_px": Value::Object(ways.collect()) })
     });
+    let (films, saving) = films_bytes(loaded);
     json!({
         "scene_hash": format!("{:016x}", scene.hash),
         "sensors": sensors.collect::<Vec<_>>(),
@@ -294,6 +302,12 @@ fn to_json(loaded: &Loaded) -> Value {
         "contacts": contacts(scene).collect::<Vec<_>>(),
         "media": media.collect::<Vec<_>>(),
         "effects": effects(loaded),
-        "memory_bytes": { "films": films_bytes(loaded), "meshes": geometry_bytes(scene), "textures": texture_bytes(scene) },
+        "memory_bytes": {
+            "films": films,
+            "saving": saving,
+            "objects": object_bytes(scene),
+            "meshes": geometry_bytes(scene),
+            "textures": texture_bytes(scene),
+        },
     })
 }

@@ -1,29 +1,24 @@
-//! Ctrl-C and SIGTERM: the first asks the render to stop after the pass in flight, the second ends
-//! the process at once, but for a save in flight, which the third ends.
+//! Ctrl-C and SIGTERM: the first asks the render to stop and save, the second says that it does, the
+//! third ends the process at once.
 
 use super::{CliError, INTERRUPTED, tell};
 use crate::render::Cancel;
+use rayon::ThreadPool;
 use std::sync::Arc;
 #[cfg(unix)]
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::{AtomicU32, Ordering::SeqCst};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// How often work that does not look for interrupts is asked whether it is done.
+const POLL: Duration = Duration::from_millis(100);
 
 /// Interrupts of this process.
 #[derive(Clone, Debug, Default)]
 pub struct Interrupts {
     cancel: Cancel,
     count: Arc<AtomicU32>,
-    /// Saves in flight.
-    saves: Arc<AtomicU32>,
-}
-
-/// A save in flight, until it is dropped.
-pub struct Saving<'a>(&'a Interrupts);
-
-impl Drop for Saving<'_> {
-    fn drop(&mut self) {
-        self.0.saves.fetch_sub(1, SeqCst);
-    }
 }
 
 impl Interrupts {
@@ -37,20 +32,32 @@ impl Interrupts {
         self.count.load(SeqCst)
     }
 
-    /// Notes that a save is in flight.
-    pub fn hold(&self) -> Saving<'_> {
-        self.saves.fetch_add(1, SeqCst);
-        Saving(self)
+    /// Does work that knows no interrupts on the threads of a pool. `None` where one comes before
+    /// it is done: it is abandoned, for the process to end.
+    pub fn unless_interrupted<T: Send + 'static>(
+        &self,
+        pool: &ThreadPool,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Option<T> {
+        let (send, receive) = channel();
+        // nobody receives what has been abandoned
+        pool.spawn(move || _ = send.send(work()));
+        loop {
+            match receive.recv_timeout(POLL) {
+                Ok(done) => return Some(done),
+                Err(RecvTimeoutError::Timeout) if !self.cancel.is_requested() => {}
+                Err(_) => return None,
+            }
+        }
     }
 
     fn arrive(&self) {
         let before = self.count.fetch_add(1, SeqCst);
-        if !self.cancel.request() {
-            tell("interrupted: stops after this pass and saves; again: stops at once");
-        } else if before < 2 && self.saves.load(SeqCst) > 0 {
-            tell("interrupted while saving; again: stops at once, without");
-        } else {
-            std::process::exit(i32::from(INTERRUPTED));
+        self.cancel.request();
+        match before {
+            0 => tell("interrupted: stops now and saves"),
+            1 => tell("interrupted again: still saving; once more ends at once, without"),
+            _ => std::process::exit(i32::from(INTERRUPTED)),
         }
     }
 }
@@ -82,7 +89,22 @@ pub fn listen() -> Result<Interrupts, CliError> {
     keep_file_size_signal()?;
     let interrupts = Interrupts::default();
     let arriving = interrupts.clone();
-    ctrlc::set_handler(move || arriving.arrive())
-        .map_err(|e| CliError::Failed(format!("cannot listen for interrupts: {e}")))?;
+    handle(move || arriving.arrive())?;
     Ok(interrupts)
+}
+
+/// Lets an interrupt end the process with a word: for work of which every finished piece is saved.
+///
+/// # Errors
+/// Where the system refuses the handler.
+pub fn end_with(text: &'static str) -> Result<(), CliError> {
+    handle(move || {
+        tell(text);
+        std::process::exit(i32::from(INTERRUPTED));
+    })
+}
+
+fn handle(arrive: impl FnMut() + Send + 'static) -> Result<(), CliError> {
+    ctrlc::set_handler(arrive)
+        .map_err(|e| CliError::Failed(format!("cannot listen for interrupts: {e}")))
 }

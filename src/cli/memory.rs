@@ -1,44 +1,115 @@
 //! Memory: what a render will take, against what is allowed or there.
 
-use super::CliError;
-use super::usage::bytes_text;
-use crate::render::PhotonMemory;
-use crate::render::memory::{geometry_bytes, texture_bytes};
+use super::usage::{bytes_text, resident_bytes};
+use super::{CliError, tell};
+use crate::render::memory::{geometry_bytes, object_bytes, texture_bytes};
 use crate::scene::Scene;
 use std::fs::read_to_string;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::time::Duration;
 
-/// Whether films, meshes, textures and photons fit into `max_memory`, or without it into what this
-/// machine lets the process have.
+/// How often memory is looked at while a scene is loaded.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Memory that a render needs at once, in bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct Need {
+    /// The program with its scene.
+    pub loaded: u64,
+    /// Films, those of the pass in flight included.
+    pub films: u64,
+    /// Copies for writing.
+    pub saving: u64,
+    /// Photons, where they are merged and known.
+    pub photons: u64,
+}
+
+impl Need {
+    fn total(&self) -> u64 {
+        let rest = [self.films, self.saving, self.photons];
+        rest.into_iter().fold(self.loaded, u64::saturating_add)
+    }
+
+    /// In words, part by part.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let parts = [
+            ("films", self.films),
+            ("saving", self.saving),
+            ("photons", self.photons),
+        ];
+        let parts = parts.iter().filter(|(_, bytes)| *bytes > 0);
+        let rest = parts.map(|(what, bytes)| format!(", {what} {}", bytes_text(*bytes)));
+        let loaded = bytes_text(self.loaded);
+        format!("program and scene {loaded}{}", rest.collect::<String>())
+    }
+
+    /// Whether it fits into `max_memory`, or without it into what this machine lets the process
+    /// have.
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn check(&self, max_memory: Option<u64>) -> Result<(), CliError> {
+        let (limit, whose) = limit(max_memory);
+        if self.total() <= limit {
+            return Ok(());
+        }
+        Err(CliError::Failed(format!(
+            "{}: together {}, {whose} {}",
+            self.text(),
+            bytes_text(self.total()),
+            bytes_text(limit)
+        )))
+    }
+}
+
+/// Bytes that the process holds with a scene; by the scene alone where the system does not tell.
+#[must_use]
+pub fn loaded_bytes(scene: &Scene) -> u64 {
+    let counted = geometry_bytes(scene) + texture_bytes(scene) + object_bytes(scene);
+    resident_bytes().unwrap_or(counted)
+}
+
+/// Loads something, and ends the process where that takes more than `max_memory`, or without it
+/// than this machine lets it have: nothing is lost yet.
 ///
 /// # Errors
-/// They do not.
-pub fn within_limit(
-    max_memory: Option<u64>,
-    film_bytes: u64,
-    scene: &Scene,
-    photons: Option<&PhotonMemory>,
-) -> Result<(), CliError> {
-    let photon_bytes = photons.map_or(0, PhotonMemory::bytes);
-    let needed = film_bytes
-        .saturating_add(geometry_bytes(scene))
-        .saturating_add(texture_bytes(scene))
-        .saturating_add(photon_bytes);
-    let (limit, whose) = match max_memory {
+/// What is loaded takes more.
+pub fn guarded<T>(max_memory: Option<u64>, load: impl FnOnce() -> T) -> Result<T, CliError> {
+    let (limit, whose) = limit(max_memory);
+    let excess = || {
+        let resident = resident_bytes().filter(|bytes| *bytes > limit)?;
+        let (resident, limit) = (bytes_text(resident), bytes_text(limit));
+        Some(format!("loading takes {resident}, {whose} {limit}"))
+    };
+    let is_loaded = AtomicBool::new(false);
+    let loaded = std::thread::scope(|scope| {
+        let watch = scope.spawn(|| {
+            while !is_loaded.load(SeqCst) {
+                if let Some(message) = excess() {
+                    tell(&format!("error: {message}"));
+                    std::process::exit(1);
+                }
+                std::thread::park_timeout(LOOK);
+            }
+        });
+        let loaded = load();
+        is_loaded.store(true, SeqCst);
+        watch.thread().unpark();
+        loaded
+    });
+    match excess() {
+        None => Ok(loaded),
+        Some(message) => Err(CliError::Failed(message)),
+    }
+}
+
+/// The limit in bytes, and whose it is.
+fn limit(max_memory: Option<u64>) -> (u64, &'static str) {
+    match max_memory {
         Some(limit) => (limit, "--max-memory allows"),
         None => (of_machine(), "this machine has"),
-    };
-    if needed <= limit {
-        return Ok(());
     }
-    let what = if photons.is_some() {
-        "films, meshes, textures and photons"
-    } else {
-        "films, meshes and textures"
-    };
-    let (needed, limit) = (bytes_text(needed), bytes_text(limit));
-    Err(CliError::Failed(format!(
-        "{what} need {needed}, {whose} {limit}"
-    )))
 }
 
 /// Bytes that this process can have: the memory of the machine, of its control group, and its own

@@ -2,10 +2,11 @@
 
 use super::args::MergeOptions;
 use super::image_output::{check_ending, preview_path, write_image};
-use super::{CliError, Outcome, print};
+use super::{CliError, Outcome, print, tell};
 use crate::io::destination::Claims;
 use crate::io::image;
 use crate::io::part::{self, Part, PartError};
+use std::path::Path;
 
 /// Runs the command.
 pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
@@ -20,12 +21,12 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
     for path in outputs.into_iter().flatten() {
         claims.output(path)?;
     }
-    let parts: Vec<Part> = options
-        .parts
-        .iter()
-        .map(|p| part::read(p))
-        .collect::<Result<_, PartError>>()?;
-    let merged = part::merge(parts)?;
+    let merged = part::merge_each(options.parts.iter().map(|path| whole_passes(path)))?;
+    if merged.header.pass_count() == 0 {
+        let text =
+            "no pass of these parts is whole: there is no image (render goes on with --resume)";
+        return Err(CliError::Failed(text.to_owned()));
+    }
     if merged.header.channels != 3 {
         return Err(CliError::Failed(format!(
             "the parts have {} channels, not X, Y and Z",
@@ -56,4 +57,17 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
         }
     }
     Ok(Outcome::Done)
+}
+
+/// A part, of which merging leaves out what is not whole.
+fn whole_passes(path: &Path) -> Result<Part, PartError> {
+    let part = part::read(path)?;
+    if let Some(unfinished) = &part.unfinished {
+        tell(&format!(
+            "warning: {}: pass {} is not whole and left out",
+            path.display(),
+            unfinished.pass
+        ));
+    }
+    Ok(part)
 }

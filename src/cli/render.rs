@@ -4,7 +4,7 @@
 use super::args::RenderOptions;
 use super::image_output::{check_ending, preview_path};
 use super::interrupt::{self, Interrupts};
-use super::memory::within_limit;
+use super::memory::{self, Need};
 use super::progress::Progress;
 use super::save::{self, Saver, Targets};
 use super::stats::{self, SensorStats};
@@ -13,12 +13,16 @@ use crate::film::Crop;
 use crate::io::destination::Claims;
 use crate::io::layers::{self, Layer};
 use crate::io::loaded::{self, Loaded};
-use crate::io::part;
+use crate::io::part::Resumed;
 use crate::render::clock::cpu_seconds;
-use crate::render::memory::film_bytes;
+use crate::render::guides::Guide;
+use crate::render::memory::{film_bytes, saving_bytes};
 use crate::render::session::NO_LIMIT;
-use crate::render::{OutputRequest, Render, Session, SessionOptions, StopReason, StopRules};
+use crate::render::{
+    OutputRequest, PhotonMemory, Render, Session, SessionOptions, StopReason, StopRules,
+};
 use crate::spectrum::SpectralChannels;
+use rayon::ThreadPool;
 use std::ffi::OsStr;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -36,12 +40,23 @@ struct Job<'a> {
     passes: Range<u32>,
     rules: StopRules,
     interrupts: Interrupts,
+    pool: &'a ThreadPool,
+    /// Without photons.
+    need: Need,
+}
+
+/// A session before its first pass.
+struct Begun {
+    session: Session,
+    guides: Vec<Guide>,
+    photons: Option<PhotonMemory>,
 }
 
 /// Runs the command.
 pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
     options.moment.check(&options.scene)?;
-    let loaded = loaded::load(&options.scene, &options.scene_overrides())?;
+    let load = || loaded::load(&options.scene, &options.scene_overrides());
+    let loaded = memory::guarded(options.max_memory, load)??;
     let sensors = chosen_sensors(options, &loaded)?;
     let targets: Vec<Targets> = sensors
         .iter()
@@ -54,7 +69,8 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         .collect::<Result<Vec<_>, _>>()?;
     let request = output_request(options, &loaded);
     let _part = save::take_part(options)?;
-    check_memory(options, &loaded, &request, &crops)?;
+    let need = need(options, &loaded, &request, &crops);
+    need.check(options.max_memory)?;
     // from here on: the first output says that an interrupt is safe
     let interrupts = interrupt::listen()?;
     if !options.quiet {
@@ -82,10 +98,11 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         },
         interrupts,
         loaded: &loaded,
+        pool: &pool,
+        need,
     };
     let threads = pool.current_num_threads();
-    let outcome = pool.install(|| job.render_all(&sensors, &crops, &targets));
-    let (outcome, sensor_stats) = outcome?;
+    let (outcome, sensor_stats) = job.render_all(&sensors, &crops, &targets)?;
     if let Some(path) = &options.stats {
         stats::write(path, &loaded, threads, &sensor_stats)?;
     }
@@ -198,19 +215,23 @@ fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
     }
 }
 
-fn check_memory(
-    options: &RenderOptions,
-    loaded: &Loaded,
-    request: &OutputRequest,
-    crops: &[Crop],
-) -> Result<(), CliError> {
+fn need(options: &RenderOptions, loaded: &Loaded, request: &OutputRequest, crops: &[Crop]) -> Need {
     // sensors are rendered one after the other
-    let films = crops
-        .iter()
-        .map(|c| film_bytes(c.pixels(), request))
-        .max()
-        .unwrap_or(0);
-    within_limit(options.max_memory, films, &loaded.scene, None)
+    let pixels = crops.iter().map(Crop::pixels).max().unwrap_or(0);
+    let spectral = request.spectral.as_ref();
+    let spectral = spectral.map_or(0, SpectralChannels::count) as u64;
+    Need {
+        loaded: memory::loaded_bytes(&loaded.scene),
+        // those of the pass in flight, too
+        films: film_bytes(pixels, request).saturating_mul(2),
+        // at most three channels a layer
+        saving: saving_bytes(
+            pixels,
+            spectral + 3 * options.aov.len() as u64,
+            options.part.is_some(),
+        ),
+        photons: 0,
+    }
 }
 
 impl Job<'_> {
@@ -223,69 +244,43 @@ impl Job<'_> {
         let mut all = Vec::new();
         for ((&sensor, &crop), targets) in sensors.iter().zip(crops).zip(targets) {
             let stats = self.render_sensor(sensor, crop, targets)?;
-            let interrupted = stats.stop == StopReason::Interrupted;
-            all.push(stats);
-            if interrupted {
+            let is_whole = |s: &SensorStats| s.stop != StopReason::Interrupted;
+            let goes_on = stats.as_ref().is_some_and(is_whole);
+            all.extend(stats);
+            if !goes_on {
                 return Ok((Outcome::Interrupted, all));
             }
         }
         Ok((Outcome::Done, all))
     }
 
+    /// Renders a sensor. `None` where an interrupt comes before its first pass.
     fn render_sensor(
         &self,
         sensor: usize,
         crop: Crop,
         targets: &Targets,
-    ) -> Result<SensorStats, CliError> {
+    ) -> Result<Option<SensorStats>, CliError> {
         let Self {
             options, loaded, ..
         } = self;
         let cpu_start = cpu_seconds();
-        let session_options = SessionOptions {
-            sensor,
-            crop: Some(crop),
-            outputs: self.request.clone(),
-            passes: Some(self.passes.clone()),
-            stop: self.rules,
-            cancel: self.interrupts.cancel().clone(),
-            live: false,
-            save_interval: Some(save::first_interval(options)),
+        let Some(begun) = self.begin(sensor, crop) else {
+            tell("interrupted before the first pass: there is nothing to save");
+            return Ok(None);
         };
-        let scene = Arc::clone(&loaded.scene);
-        let mut session = Session::new(scene, &loaded.settings, session_options)?;
-        let tells_bias = {
-            let render = session.render();
-            render.epsilon().is_some() && render.tells_bias()
-        };
-        if options.aov.iter().any(|a| matches!(a, Layer::Bias)) && !tells_bias {
-            return Err(CliError::Usage(
-                "the layer bias needs regularization and --set render.bias_estimate=true"
-                    .to_owned(),
-            ));
-        }
+        let Begun {
+            mut session,
+            guides,
+            photons,
+        } = begun?;
         if options.resume {
-            self.resume(&mut session)?;
+            warn_of_gaps(&session);
         }
-        let render = session.render();
-        if !options.quiet {
-            print(&summary::regularization(&render));
+        if session.passes_left() == 0 && session.render().passes().is_empty() {
+            return Err(CliError::Failed("there is no pass to render".to_owned()));
         }
-        if let (Some(radius), Some(memory)) = (render.radius(), render.photon_memory()) {
-            if !options.quiet {
-                print(&summary::merging(radius, &memory));
-            }
-            let films = film_bytes(crop.pixels(), &self.request);
-            within_limit(options.max_memory, films, &loaded.scene, Some(&memory))?;
-            if !memory.is_addressable() {
-                return Err(CliError::Failed(
-                    "a pass would have more than 4 billion photons: render with a smaller --crop"
-                        .to_owned(),
-                ));
-            }
-        }
-        let guides = layers::guides_for(&options.aov, &render);
-        drop(render);
+        self.tell_choices(&session, photons.as_ref())?;
         let progress = Arc::new(Progress::new(
             &loaded.scene.sensors[sensor].name,
             &session,
@@ -296,7 +291,7 @@ impl Job<'_> {
         session.observe(move |tiles| bar.tile(tiles));
         let mut saver = Saver::new(options, targets, &guides, &self.interrupts);
         let stop = loop {
-            let state = session.step();
+            let state = self.pool.install(|| session.step());
             if state.pass.is_some() {
                 progress.pass(&state);
             }
@@ -311,9 +306,15 @@ impl Job<'_> {
             }
         };
         progress.clear();
+        let preview = saver.finish(&session)?;
         let render = session.render();
-        let preview = saver.finish(&render)?;
-        if (render.passes().len() as u64) < PASSES_TO_SEE {
+        if render.passes().is_empty() {
+            tell(if options.part.is_some() {
+                "no pass is whole: the part holds what is done, there is no image (--resume goes on)"
+            } else {
+                "no pass is whole: there is no image (with --part FILE what is done would be kept)"
+            });
+        } else if (render.passes().len() as u64) < PASSES_TO_SEE {
             self.warn_of_black(&render);
         }
         let mut stats = SensorStats::new(
@@ -324,7 +325,7 @@ impl Job<'_> {
             cpu_start,
         );
         stats.forecast = session.forecast(options.target_error);
-        if !options.quiet {
+        if !options.quiet && !render.passes().is_empty() {
             let preview = preview.as_deref();
             print(&summary::sensor(
                 &targets.image,
@@ -333,7 +334,86 @@ impl Job<'_> {
                 &loaded.scene,
             ));
         }
-        Ok(stats)
+        Ok(Some(stats))
+    }
+
+    /// A session of a sensor, with the passes of the part to go on with and the first hits that
+    /// layers ask for. `None` where an interrupt comes before it is ready.
+    fn begin(&self, sensor: usize, crop: Crop) -> Option<Result<Begun, CliError>> {
+        let options = self.options;
+        let session_options = SessionOptions {
+            sensor,
+            crop: Some(crop),
+            outputs: self.request.clone(),
+            passes: Some(self.passes.clone()),
+            stop: self.rules,
+            cancel: self.interrupts.cancel().clone(),
+            live: true,
+            save_interval: Some(save::first_interval(options)),
+            pauses: options.part.is_some(),
+            ..SessionOptions::default()
+        };
+        let part = options.part.clone();
+        let part = part.filter(|path| options.resume && path.exists());
+        let (scene, settings) = (Arc::clone(&self.loaded.scene), self.loaded.settings.clone());
+        let layers = options.aov.clone();
+        self.interrupts.unless_interrupted(self.pool, move || {
+            let resumed = part.map(|path| Resumed::read(&path)).transpose()?;
+            let session_options = SessionOptions {
+                pilot: resumed.as_ref().map(|part| part.pilot),
+                ..session_options
+            };
+            let mut session = Session::new(scene, &settings, session_options)?;
+            if let Some(part) = resumed {
+                part.restore(&mut session)?;
+            }
+            let guides = layers::guides_for(&layers, &session.render());
+            let photons = session.render().photon_memory();
+            Ok(Begun {
+                session,
+                guides,
+                photons,
+            })
+        })
+    }
+
+    /// Tells what the pilots have chosen, and checks what depends on it.
+    fn tell_choices(
+        &self,
+        session: &Session,
+        photons: Option<&PhotonMemory>,
+    ) -> Result<(), CliError> {
+        let (options, render) = (self.options, session.render());
+        let tells_bias = render.epsilon().is_some() && render.tells_bias();
+        if options.aov.iter().any(|a| matches!(a, Layer::Bias)) && !tells_bias {
+            return Err(CliError::Usage(
+                "the layer bias needs regularization and --set render.bias_estimate=true"
+                    .to_owned(),
+            ));
+        }
+        if !options.quiet {
+            print(&summary::regularization(&render));
+        }
+        let need = Need {
+            photons: photons.map_or(0, PhotonMemory::bytes),
+            ..self.need
+        };
+        if let (Some(radius), Some(memory)) = (render.radius(), photons) {
+            if !options.quiet {
+                print(&summary::merging(radius, memory));
+            }
+            need.check(options.max_memory)?;
+            if !memory.is_addressable() {
+                return Err(CliError::Failed(
+                    "a pass would have more than 4 billion photons: render with a smaller --crop"
+                        .to_owned(),
+                ));
+            }
+        }
+        if !options.quiet {
+            print(&summary::memory(&need));
+        }
+        Ok(())
     }
 
     /// Warns of an image without any light: even where nothing else is printed, since hours may
@@ -348,24 +428,24 @@ impl Job<'_> {
             ));
         }
     }
+}
 
-    /// Continues with what the part file holds, if it is there.
-    fn resume(&self, session: &mut Session) -> Result<(), CliError> {
-        match self.options.part.as_deref().filter(|p| p.exists()) {
-            Some(path) => part::resume(session, path)?,
-            None => return Ok(()),
-        }
-        if let Some((first, last)) = session.gap() {
-            let passes = if first == last {
-                format!("pass {first}")
-            } else {
-                format!("passes {first} to {last}")
-            };
-            tell(&format!(
-                "warning: {passes} will be missing between those of the part and these: render them too"
-            ));
-        }
-        Ok(())
+/// Warns of passes that a resumed render leaves out.
+fn warn_of_gaps(session: &Session) {
+    if let Some((first, last)) = session.gap() {
+        let passes = if first == last {
+            format!("pass {first}")
+        } else {
+            format!("passes {first} to {last}")
+        };
+        tell(&format!(
+            "warning: {passes} will be missing between those of the part and these: render them too"
+        ));
+    }
+    if let Some(pass) = session.stranded() {
+        tell(&format!(
+            "warning: pass {pass} of the part is not whole and not among these: what is done of it is dropped"
+        ));
     }
 }
 

@@ -43,7 +43,10 @@ pub fn take_part(options: &RenderOptions) -> Result<Option<FileLock>, CliError> 
     }
     let message = match part::read(path) {
         Ok(part) => match part.header.pass_count() {
-            0 => return Ok(Some(lock)),
+            0 if part.unfinished.is_none() => return Ok(Some(lock)),
+            0 => "holds a pass that is not whole: --resume goes on with it, --overwrite begins \
+                  anew"
+                .to_owned(),
             1 => "holds 1 pass: --resume goes on with it, --overwrite begins anew".to_owned(),
             n => format!("holds {n} passes: --resume goes on with them, --overwrite begins anew"),
         },
@@ -91,7 +94,7 @@ impl<'a> Saver<'a> {
     /// Saves while the render goes on, and sets when the next save is due.
     pub fn save(&mut self, session: &mut Session) {
         let began = Instant::now();
-        let written = self.write(&session.render());
+        let written = self.write(session);
         if self.options.part.is_some() {
             let interval = PART_INTERVAL.max(TIMES_A_SAVE * began.elapsed());
             session.set_save_interval(Some(interval));
@@ -113,14 +116,11 @@ impl<'a> Saver<'a> {
     /// interrupt. Says of the preview what a user should know.
     ///
     /// # Errors
-    /// There is no pass, or it could not be saved.
-    pub fn finish(&mut self, render: &Render) -> Result<Option<String>, CliError> {
-        if render.passes().is_empty() {
-            return Err(CliError::Failed("there is no pass to render".to_owned()));
-        }
+    /// It could not be saved.
+    pub fn finish(&mut self, session: &Session) -> Result<Option<String>, CliError> {
         let (began, interrupts) = (Instant::now(), self.interrupts.count());
         loop {
-            let error = match self.write(render) {
+            let error = match self.write(session) {
                 Ok(preview) => return Ok(preview),
                 Err(error) => error,
             };
@@ -138,11 +138,16 @@ impl<'a> Saver<'a> {
         }
     }
 
-    fn write(&self, render: &Render) -> Result<Option<String>, CliError> {
-        let _saving = self.interrupts.hold();
+    fn write(&self, session: &Session) -> Result<Option<String>, CliError> {
         let part = self.options.part.as_deref();
-        let written = part.map(|path: &Path| part::write(path, &part::of(render)));
-        let image = self.write_images(render);
+        let written = part.map(|path: &Path| part::write(path, &part::of(session)));
+        let render = session.render();
+        // of no pass there is no image
+        let image = if render.passes().is_empty() {
+            Ok(None)
+        } else {
+            self.write_images(&render)
+        };
         // an image that fails does not keep the part from being written, nor the other way round
         written.transpose()?;
         image

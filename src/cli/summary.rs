@@ -1,5 +1,6 @@
 //! Summary of a render in words: effects before, a closing summary after.
 
+use super::memory::Need;
 use super::stats::{FEW_HITS, SensorStats};
 use super::usage::bytes_text;
 use crate::medium::Boundary;
@@ -58,6 +59,12 @@ pub fn regularization(render: &Render) -> String {
         _ = writeln!(text, "  {:<14} {:<4} {found}", "weights", "");
     }
     text
+}
+
+/// Memory that a render will take.
+#[must_use]
+pub fn memory(need: &Need) -> String {
+    format!("  {:<14} {:<4} {}\n", "memory", "", need.text())
 }
 
 /// Radius and memory of a render that merges photons.

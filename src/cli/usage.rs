@@ -3,11 +3,23 @@
 /// Largest resident memory so far, in bytes.
 #[must_use]
 pub fn peak_memory_bytes() -> Option<u64> {
-    parse_peak_memory(&std::fs::read_to_string("/proc/self/status").ok()?)
+    field(
+        &std::fs::read_to_string("/proc/self/status").ok()?,
+        "VmHWM:",
+    )
 }
 
-fn parse_peak_memory(status: &str) -> Option<u64> {
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+/// Resident memory now, in bytes.
+#[must_use]
+pub fn resident_bytes() -> Option<u64> {
+    field(
+        &std::fs::read_to_string("/proc/self/status").ok()?,
+        "VmRSS:",
+    )
+}
+
+fn field(status: &str, name: &str) -> Option<u64> {
+    let line = status.lines().find_map(|l| l.strip_prefix(name))?;
     line.trim()
         .strip_suffix("kB")?
         .trim()
@@ -38,10 +50,10 @@ mod tests {
     #[test]
     fn fields_of_proc() {
         assert_eq!(
-            parse_peak_memory("VmPeak:\t 9 kB\nVmHWM:\t    2048 kB\n"),
+            field("VmPeak:\t 9 kB\nVmHWM:\t    2048 kB\n", "VmHWM:"),
             Some(2 << 20)
         );
-        assert_eq!(parse_peak_memory("VmPeak:\t 9 kB\n"), None);
+        assert_eq!(field("VmPeak:\t 9 kB\n", "VmHWM:"), None);
     }
 
     #[test]

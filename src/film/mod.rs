@@ -90,7 +90,7 @@ pub enum AddSumsError {
     /// Some sum would leave the range of 128 bits.
     #[error("sum {index} overflows")]
     Overflow {
-        /// Position in [`Film::sums`].
+        /// Position among the sums given.
         index: usize,
     },
 }
@@ -318,33 +318,27 @@ impl Film {
         self.sums.iter().map(FixedSum::get).collect()
     }
 
+    /// Those of one half (0 or 1).
+    #[must_use]
+    pub fn sums_of_half(&self, half: usize) -> Vec<i128> {
+        self.half_sums(half).iter().map(FixedSum::get).collect()
+    }
+
     /// Adds the sums of another film of the same size.
     ///
     /// # Errors
     /// Where the number of sums differs or one would overflow; the film is then unchanged.
     pub fn add_sums(&mut self, sums: &[i128]) -> Result<(), AddSumsError> {
-        if sums.len() != self.sums.len() {
-            return Err(AddSumsError::Length {
-                expected: self.sums.len(),
-                found: sums.len(),
-            });
-        }
-        let total = |(index, (sum, &more)): (usize, (&FixedSum, &i128))| {
-            sum.get()
-                .checked_add(more)
-                .ok_or(AddSumsError::Overflow { index })
-        };
-        let totals: Vec<i128> = self
-            .sums
-            .iter()
-            .zip(sums)
-            .enumerate()
-            .map(total)
-            .collect::<Result<_, _>>()?;
-        for (sum, total) in self.sums.iter_mut().zip(totals) {
-            sum.set(total);
-        }
-        Ok(())
+        add_all(&mut self.sums, sums)
+    }
+
+    /// Adds the sums of one half (0 or 1) of another film of the same size.
+    ///
+    /// # Errors
+    /// As [`Film::add_sums`].
+    pub fn add_sums_to_half(&mut self, half: usize, sums: &[i128]) -> Result<(), AddSumsError> {
+        let length = self.sums.len() / 2;
+        add_all(&mut self.sums[half * length..(half + 1) * length], sums)
     }
 
     /// Moves the sums and counts of another film of the same size into this one and leaves it
@@ -365,6 +359,23 @@ impl Film {
         *self.not_finite.get_mut() += std::mem::take(other.not_finite.get_mut());
         *self.saturated.get_mut() += std::mem::take(other.saturated.get_mut());
     }
+}
+
+fn add_all(ours: &mut [FixedSum], more: &[i128]) -> Result<(), AddSumsError> {
+    if ours.len() != more.len() {
+        return Err(AddSumsError::Length {
+            expected: ours.len(),
+            found: more.len(),
+        });
+    }
+    let is_in_range = |(sum, &more): (&FixedSum, &i128)| sum.get().checked_add(more).is_some();
+    if let Some(index) = ours.iter().zip(more).position(|pair| !is_in_range(pair)) {
+        return Err(AddSumsError::Overflow { index });
+    }
+    for (sum, more) in ours.iter_mut().zip(more) {
+        sum.set(sum.get() + more);
+    }
+    Ok(())
 }
 
 fn mean_scale(passes: u64) -> f64 {

@@ -21,6 +21,10 @@ use glam::{DVec2, DVec3};
 const MARGIN: f64 = 4.0;
 /// Most faces listed, and most pairs of them compared, in a whole scene.
 const BUDGET: usize = 20_000_000;
+/// Most pairs of instances whose bounds have something in common.
+const MOST_OVERLAPS: usize = 1 << 25;
+/// Most pairs of instances that touch.
+pub const MOST_CONTACTS: usize = 1_000_000;
 
 /// A box in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,14 +100,28 @@ pub struct Contact {
     pub certain: bool,
 }
 
-/// All contacts of a scene.
-#[must_use]
-pub fn contacts(accel: &Accel) -> Vec<Contact> {
-    let mut budget = BUDGET;
-    overlaps(accel.instances())
-        .into_iter()
-        .filter_map(|pair| contact(accel, pair, &mut budget))
-        .collect()
+/// Too many instances are in one place; two of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooManyContacts(pub [InstanceId; 2]);
+
+/// All contacts of a scene, whose `overlaps` are known.
+///
+/// # Errors
+/// There are more than [`MOST_CONTACTS`].
+pub fn contacts(
+    accel: &Accel,
+    overlaps: &[[InstanceId; 2]],
+) -> Result<Vec<Contact>, TooManyContacts> {
+    let (mut budget, mut found) = (BUDGET, Vec::new());
+    for &pair in overlaps {
+        if let Some(contact) = contact(accel, pair, &mut budget) {
+            if found.len() == MOST_CONTACTS {
+                return Err(TooManyContacts(pair));
+            }
+            found.push(contact);
+        }
+    }
+    Ok(found)
 }
 
 /// Two of the surfaces in a place where more touch than are told apart ([`MOST_FACES`]). It is
@@ -142,8 +160,10 @@ fn is_crowded(accel: &Accel, id: InstanceId, p: DVec3, extent: DVec3) -> bool {
 }
 
 /// Pairs of instances whose bounds have something in common, the earlier one first.
-#[must_use]
-pub fn overlaps(instances: &[Instance]) -> Vec<[InstanceId; 2]> {
+///
+/// # Errors
+/// There are more than any scene has whose parts are apart.
+pub fn overlaps(instances: &[Instance]) -> Result<Vec<[InstanceId; 2]>, TooManyContacts> {
     let boxes: Vec<Region> = instances.iter().map(|i| Region::new(i.bounds())).collect();
     let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
     order.sort_by(|&a, &b| boxes[a as usize].low.x.total_cmp(&boxes[b as usize].low.x));
@@ -154,13 +174,17 @@ pub fn overlaps(instances: &[Instance]) -> Vec<[InstanceId; 2]> {
         active.retain(|&a| boxes[a as usize].high.x + margin >= region.low.x);
         for &a in &active {
             if boxes[a as usize].common(&region, margin).is_some() {
-                found.push([InstanceId(a.min(b)), InstanceId(a.max(b))]);
+                let pair = [InstanceId(a.min(b)), InstanceId(a.max(b))];
+                if found.len() == MOST_OVERLAPS {
+                    return Err(TooManyContacts(pair));
+                }
+                found.push(pair);
             }
         }
         active.push(b);
     }
     found.sort_unstable();
-    found
+    Ok(found)
 }
 
 /// More than the rounding error of a coordinate of a box.
@@ -354,7 +378,9 @@ mod tests {
             shape: shape.clone(),
             transform: Transform::fixed(*map),
         };
-        contacts(&Accel::build(parts.iter().map(place).collect()))
+        let accel = Accel::build(parts.iter().map(place).collect());
+        let overlaps = overlaps(accel.instances()).expect("few");
+        contacts(&accel, &overlaps).expect("few")
     }
 
     fn at(x: f64, y: f64, z: f64, scale: f64) -> DAffine3 {

@@ -65,7 +65,7 @@ pub fn write_atomic(
 }
 
 /// A temporary file, locked to tell that its process lives.
-fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+pub(super) fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     let [prefix, suffix] = TEMPORARY;
     let mut names = tempfile::Builder::new();
     let temporary = names.prefix(prefix).suffix(suffix).tempfile_in(folder)?;
@@ -97,13 +97,13 @@ fn remove_left_behind(folder: &Path) {
 
 /// Temporary files are private; an image is for everyone, as if created plainly (umask 022).
 #[cfg(unix)]
-fn make_readable(file: &File) -> io::Result<()> {
+pub(super) fn make_readable(file: &File) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
     file.set_permissions(std::fs::Permissions::from_mode(0o644))
 }
 
 #[cfg(not(unix))]
-fn make_readable(_: &File) -> io::Result<()> {
+pub(super) fn make_readable(_: &File) -> io::Result<()> {
     Ok(())
 }
 

@@ -6,6 +6,8 @@ use std::path::{Component, Path, PathBuf};
 
 /// Largest scene file.
 pub const MAX_SCENE_BYTES: u64 = 16 << 20;
+/// Most tables and lists of a scene file, which take far more memory than their text.
+pub const MAX_SCENE_LISTS: usize = 600_000;
 /// Largest table of a spectrum or an index.
 pub const MAX_CSV_BYTES: u64 = 16 << 20;
 /// Largest mesh file.
@@ -77,24 +79,34 @@ pub fn find(folder: &Path, name: &str, limit: u64) -> Result<PathBuf, FileProble
 /// # Errors
 /// The file cannot be read, is no regular file, or is larger.
 pub fn read_regular(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
-    let refused = |text: String| Err(io::Error::new(io::ErrorKind::InvalidInput, text));
+    let (file, size) = open_regular(path, limit)?;
+    let mut bytes = Vec::with_capacity(size as usize);
+    // one byte more than allowed tells of a file that grows
+    file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
+    check_size(bytes.len() as u64, limit)?;
+    Ok(bytes)
+}
+
+/// A regular file of at most `limit` bytes, opened, and its size.
+///
+/// # Errors
+/// As [`read_regular`].
+pub fn open_regular(path: &Path, limit: u64) -> io::Result<(File, u64)> {
     // a pipe is not even opened: that would wait for a writer
     let metadata = path.metadata()?;
     if !metadata.is_file() {
-        return refused("not a file".to_owned());
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a file"));
     }
-    let mut bytes = Vec::new();
-    if metadata.len() <= limit {
-        bytes.reserve_exact(metadata.len() as usize);
-        // one byte more than allowed tells of a file that grows
-        let mut file = File::open(path)?.take(limit.saturating_add(1));
-        file.read_to_end(&mut bytes)?;
+    check_size(metadata.len(), limit)?;
+    Ok((File::open(path)?, metadata.len()))
+}
+
+fn check_size(size: u64, limit: u64) -> io::Result<()> {
+    if size <= limit {
+        return Ok(());
     }
-    let size = metadata.len().max(bytes.len() as u64);
-    if size > limit {
-        return refused(format!("{size} bytes (allowed: at most {limit})"));
-    }
-    Ok(bytes)
+    let text = format!("{size} bytes (allowed: at most {limit})");
+    Err(io::Error::new(io::ErrorKind::InvalidInput, text))
 }
 
 /// The path and the bytes of the file `name` in `folder`, as [`find`] finds it.

@@ -91,6 +91,7 @@ pub fn header(render: &Render) -> PartHeader {
         pilot: render.factors().map_or(0, |found| found.passes.0),
         image: BTreeMap::from_iter(named),
         passes: pass_ranges(render.passes(), settings.seed),
+        unfinished: None,
     }
 }
 

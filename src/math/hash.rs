@@ -31,9 +31,55 @@ pub fn unit_f64(bits: u64) -> f64 {
 /// A hash of a string of bytes, its length included.
 #[must_use]
 pub fn hash_bytes(bytes: &[u8]) -> u64 {
-    bytes.chunks(8).fold(bytes.len() as u64, |hash, chunk| {
-        let mut word = [0; 8];
-        word[..chunk.len()].copy_from_slice(chunk);
-        combine(hash, u64::from_le_bytes(word))
-    })
+    let mut hash = ByteHash::new(bytes.len() as u64);
+    hash.add(bytes);
+    hash.finish()
+}
+
+/// [`hash_bytes`] of bytes that come piece by piece.
+#[derive(Clone, Debug)]
+pub struct ByteHash {
+    hash: u64,
+    /// Bytes that are not a whole word yet.
+    word: [u8; 8],
+    filled: usize,
+}
+
+impl ByteHash {
+    /// For so many bytes in all.
+    #[must_use]
+    pub fn new(length: u64) -> Self {
+        Self {
+            hash: length,
+            word: [0; 8],
+            filled: 0,
+        }
+    }
+
+    /// Adds the next bytes.
+    pub fn add(&mut self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            let (now, rest) = bytes.split_at(bytes.len().min(8 - self.filled));
+            self.word[self.filled..self.filled + now.len()].copy_from_slice(now);
+            self.filled += now.len();
+            bytes = rest;
+            if self.filled == 8 {
+                self.end_word();
+            }
+        }
+    }
+
+    fn end_word(&mut self) {
+        self.hash = combine(self.hash, u64::from_le_bytes(self.word));
+        (self.word, self.filled) = ([0; 8], 0);
+    }
+
+    /// The hash of all bytes.
+    #[must_use]
+    pub fn finish(mut self) -> u64 {
+        if self.filled > 0 {
+            self.end_word();
+        }
+        self.hash
+    }
 }

@@ -2,9 +2,11 @@
 
 use super::OutputRequest;
 use crate::film::fixed::FixedSum;
-use crate::geometry::{Instance, Shape};
+use crate::geometry::contact::Region;
+use crate::geometry::{Contact, Instance, Shape};
 use crate::light::Light;
-use crate::scene::Scene;
+use crate::medium::MediumStack;
+use crate::scene::{Object, Scene, Sensor};
 use crate::spectrum::SpectralChannels;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,6 +22,48 @@ pub fn film_bytes(pixels: u64, request: &OutputRequest) -> u64 {
     pixels
         .saturating_mul(channels)
         .saturating_mul(2 * size_of::<FixedSum>() as u64)
+}
+
+/// Bytes per pixel of what an image and its preview are made of while they are written: XYZ in
+/// doubles, channels, the picture.
+const IMAGE_BYTES: u64 = 100;
+/// Bytes per pixel of a layer's channel, and of the first hits that layers show.
+const LAYER_BYTES: u64 = 12;
+/// Halves of sums that are copied for a part: both of whole passes, and one of a pass in flight.
+const PART_HALVES: u64 = 3;
+
+/// Bytes that saving takes beside the films, at most at once: the image of so many pixels with the
+/// channels of its layers, or its part.
+#[must_use]
+pub fn saving_bytes(pixels: u64, layer_channels: u64, with_part: bool) -> u64 {
+    let image = IMAGE_BYTES + LAYER_BYTES * layer_channels;
+    let part = 3 * PART_HALVES * size_of::<FixedSum>() as u64;
+    pixels.saturating_mul(image.max(if with_part { part } else { 0 }))
+}
+
+/// Bytes of the objects, lights and sensors of a scene by themselves, and of the tree over them.
+#[must_use]
+pub fn object_bytes(scene: &Scene) -> u64 {
+    let names = |name: &String| name.capacity() as u64;
+    let objects = scene.objects.iter().map(|o| names(&o.name)).sum::<u64>();
+    let lights = scene.light_names.iter().map(names).sum::<u64>();
+    let each = |count: usize, bytes: usize| (count * bytes) as u64;
+    let tree = 64;
+    objects
+        + lights
+        + each(
+            scene.objects.len(),
+            size_of::<Object>() + size_of::<Instance>() + tree,
+        )
+        + each(
+            scene.lights.len(),
+            size_of::<Light>() + size_of::<MediumStack>() + size_of::<String>(),
+        )
+        + each(scene.sensors.len(), size_of::<Sensor>())
+        + each(
+            scene.contacts.len(),
+            size_of::<Contact>() + size_of::<Region>(),
+        )
 }
 
 /// Bytes of the meshes of a scene and of the tables of those that emit, shared ones once.

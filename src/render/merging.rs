@@ -199,12 +199,12 @@ pub fn shared_sample(frame: &SensorJob, index: u32) -> SharedSample {
 
 /// Traces the light sub-paths of all pixels of the crop and stores their vertices. The order of the
 /// photons is that of the pixels, whatever the threads. No map where there are more than fit;
-/// nothing at all where `is_cancelled` says so between batches.
+/// nothing at all where `is_cancelled` says so.
 pub fn trace_photons(
     frame: &SensorJob,
     pass: &PassSettings,
     crop: &Crop,
-    is_cancelled: impl Fn() -> bool,
+    is_cancelled: impl Fn() -> bool + Sync,
 ) -> Option<(Option<PhotonMap>, Counters)> {
     let (width, pixels) = (crop.width() as usize, crop.pixels() as usize);
     let batch = pixels.div_ceil(BATCHES).next_multiple_of(RUN);
@@ -220,6 +220,9 @@ pub fn trace_photons(
                 let mut buffer = PhotonBuffer::default();
                 tracer.counters = Counters::default();
                 for i in first..pixels.min(first + RUN) {
+                    if is_cancelled() {
+                        break;
+                    }
                     let pixel = (crop.x0 + (i % width) as u32, crop.y0 + (i / width) as u32);
                     tracer.trace(frame, pass, pixel, &mut buffer);
                 }
@@ -234,6 +237,9 @@ pub fn trace_photons(
             // batches differ; room that is not used takes no memory
             all.reserve_times(BATCHES + BATCHES / 8);
         }
+    }
+    if is_cancelled() {
+        return None;
     }
     let radius = pass.merge_radius.unwrap_or(0.0);
     let map = PhotonMap::build(all, frame.lanes(), frame.scene.accel.center(), radius);

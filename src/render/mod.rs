@@ -20,7 +20,7 @@ pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;
 pub use merging::{PhotonMemory, RadiusChoice, SharedWavelengths};
 pub use outputs::{OutputRequest, Outputs};
-pub use pass::{TileObserver, Tiles};
+pub use pass::{TileObserver, Tiles, UnfinishedPass};
 pub use session::{Progress, Session, SessionError, SessionOptions};
 pub use stop::{Cancel, StopReason, StopRules};
 pub use table::ClassTable;
@@ -33,7 +33,7 @@ use crate::scene::{Scene, Settings};
 use crate::transport::photons::bytes_per_vertex;
 use crate::transport::regularize::scheduled_epsilon;
 use crate::transport::{Cone, Counters, PassSettings, PhotonMap};
-use pass::{PassCounts, Watch};
+use pass::{Flight, Watch};
 use std::sync::Arc;
 
 /// The render of one sensor: its films, and the passes they hold. [`Session`] adds passes until it
@@ -73,6 +73,21 @@ impl Render {
         crop: Crop,
         request: &OutputRequest,
     ) -> Self {
+        let pilot = PilotPasses::of(settings.spp);
+        Self::with_pilot(scene, sensor, settings, crop, request, pilot)
+    }
+
+    /// Prepares a render whose variance factors are found by a pilot of this length: that of the
+    /// render whose passes this one adds to.
+    #[must_use]
+    pub fn with_pilot(
+        scene: &Arc<Scene>,
+        sensor: usize,
+        settings: &Settings,
+        crop: Crop,
+        request: &OutputRequest,
+        pilot: PilotPasses,
+    ) -> Self {
         let outputs = Outputs::new(request, crop, scene.sensors[sensor].filter);
         let frame = frame(scene, sensor, settings, &crop, request);
         let epsilon = frame
@@ -82,8 +97,7 @@ impl Render {
         let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
         let merges = frame.strategies.merge.is_some();
         let radius = merges.then(|| merging::choose_radius(&frame, outputs.response));
-        let passes = PilotPasses::of(settings.spp);
-        let factors = variance::choose(&frame, crop, cone, outputs.response, passes);
+        let factors = variance::choose(&frame, crop, cone, outputs.response, pilot);
         let roulette_threshold = pilot::roulette_threshold(&frame, cone, outputs.response);
         Self {
             scene: Arc::clone(scene),
@@ -139,14 +153,6 @@ impl Render {
     #[must_use]
     pub fn factors(&self) -> Option<&VarianceFactors> {
         self.factors.as_ref()
-    }
-
-    /// Finds the variance factors by a pilot of another length: that of the render whose passes
-    /// this one adds to.
-    pub fn repeat_pilot(&mut self, passes: PilotPasses) {
-        let frame = self.frame();
-        let cone = self.epsilon.as_ref().map(|e| Cone::new(e.epsilon));
-        self.factors = variance::choose(&frame, self.crop, cone, self.outputs.response, passes);
     }
 
     /// Weights by other variance factors than those found: for tests and studies, before the first
@@ -286,37 +292,37 @@ impl Render {
 
     fn add_watched(&mut self, index: u32, observer: Option<&TileObserver>) {
         let watch = Watch {
-            cancel: None,
             observer,
+            ..Watch::default()
         };
-        if let Some(counts) = self.trace(index, &self.outputs, &watch) {
-            self.count(index, counts);
+        let mut flight = Flight::new(index, &self.crop);
+        if self.trace(&mut flight, &self.outputs, &watch) {
+            self.count(flight);
         }
     }
 
-    /// Traces pass `index` into films, which need not be its own. `None` where it was cancelled:
-    /// they hold part of it then.
-    fn trace(&self, index: u32, outputs: &Outputs, watch: &Watch) -> Option<PassCounts> {
+    /// Traces what is missing of a pass into films, which need not be its own. Whether it is whole
+    /// then: not where it was cancelled or paused.
+    fn trace(&self, flight: &mut Flight, outputs: &Outputs, watch: &Watch) -> bool {
         let frame = self.frame();
-        let mut pass = self.settings_of(&frame, index);
-        let mut counts = PassCounts::default();
+        let mut pass = self.settings_of(&frame, flight.index);
         let mut photons = None;
         if self.radius.is_some() {
             let cancelled = || watch.is_cancelled();
-            let (map, counters) = merging::trace_photons(&frame, &pass, &self.crop, cancelled)?;
-            counts.counters = counters;
-            counts.photon_bytes = map.as_ref().map_or(0, PhotonMap::bytes);
+            let Some((map, counters)) =
+                merging::trace_photons(&frame, &pass, &self.crop, cancelled)
+            else {
+                return false;
+            };
+            flight.counts.counters.add(&counters);
+            flight.counts.photon_bytes = map.as_ref().map_or(0, PhotonMap::bytes);
             if map.is_none() {
                 // too many for the index: weights must know that nothing is merged
                 pass.merge_radius = None;
             }
             photons = map;
         }
-        let (counters, table) =
-            pass::render_tiles(&frame, &pass, photons.as_ref(), outputs, watch)?;
-        counts.counters.add(&counters);
-        counts.table = table;
-        Some(counts)
+        pass::render_tiles(&frame, &pass, photons.as_ref(), outputs, watch, flight)
     }
 
     /// Films as those of this render, without a pass.
@@ -325,12 +331,13 @@ impl Render {
         Outputs::new(&self.request, self.crop, filter)
     }
 
-    /// Counts pass `index`, which the films hold.
-    fn count(&mut self, index: u32, counts: PassCounts) {
+    /// Counts a whole pass, which the films hold.
+    fn count(&mut self, flight: Flight) {
+        let counts = flight.counts;
         self.counters.add(&counts.counters);
         self.table.merge(counts.table);
         self.photon_bytes = self.photon_bytes.max(counts.photon_bytes);
-        self.passes.push(index);
+        self.passes.push(flight.index);
     }
 
     /// Adds the image sums of passes that were done before.

@@ -5,7 +5,8 @@ use crate::film::Crop;
 use crate::integrator::{SensorJob, Workspace, sample_and_merge};
 use crate::transport::{Counters, PassSettings, PhotonMap, Target};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
+use std::time::Instant;
 
 /// Side of a tile in pixels.
 const TILE: u32 = 16;
@@ -24,11 +25,13 @@ pub struct Tiles {
 /// Told of each tile, by whichever thread has finished it.
 pub type TileObserver = dyn Fn(Tiles) + Send + Sync;
 
-/// Communication of a pass with the outside, between its tiles.
+/// Communication of a pass with the outside, between its pixels.
 #[derive(Default)]
 pub(super) struct Watch<'a> {
-    /// Ends the pass before its last tile.
+    /// Ends the work on the pass before its last pixel.
     pub cancel: Option<&'a Cancel>,
+    /// When the work on the pass ends, though never before its first pixel.
+    pub pause_at: Option<Instant>,
     /// Told of each tile.
     pub observer: Option<&'a TileObserver>,
 }
@@ -36,6 +39,10 @@ pub(super) struct Watch<'a> {
 impl Watch<'_> {
     pub fn is_cancelled(&self) -> bool {
         self.cancel.is_some_and(Cancel::is_requested)
+    }
+
+    fn is_pause_due(&self) -> bool {
+        self.pause_at.is_some_and(|at| Instant::now() >= at)
     }
 }
 
@@ -48,6 +55,55 @@ pub(super) struct PassCounts {
     pub photon_bytes: u64,
 }
 
+/// A pass in flight: what is done of it.
+#[derive(Debug)]
+pub(super) struct Flight {
+    /// Index of the pass.
+    pub index: u32,
+    /// Pixels done of each tile, in reading order both.
+    pub done: Vec<u16>,
+    pub counts: PassCounts,
+}
+
+impl Flight {
+    /// A pass that has not begun.
+    pub fn new(index: u32, crop: &Crop) -> Self {
+        Self {
+            index,
+            done: vec![0; tile_count(crop) as usize],
+            counts: PassCounts::default(),
+        }
+    }
+
+    pub fn has_begun(&self) -> bool {
+        self.done.iter().any(|&pixels| pixels > 0)
+    }
+}
+
+/// A pass of which some pixels are done, and their sums.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnfinishedPass {
+    /// Index of the pass.
+    pub pass: u32,
+    /// Pixels done of each tile of 16 x 16 pixels, in reading order both.
+    pub done: Vec<u16>,
+    /// Sums that these pixels have added to the image, of the half of the pass
+    /// ([`Film::sums_of_half`](crate::film::Film::sums_of_half)).
+    pub sums: Vec<i128>,
+}
+
+/// Number of tiles of a film.
+#[must_use]
+pub fn tile_count(crop: &Crop) -> u64 {
+    u64::from(crop.width().div_ceil(TILE)) * u64::from(crop.height().div_ceil(TILE))
+}
+
+/// Numbers of pixels of the tiles of a film, in reading order.
+pub fn tile_pixels(crop: &Crop) -> impl Iterator<Item = u16> + use<> {
+    // at most 16 x 16
+    tiles(*crop).map(|tile| tile.pixels() as u16)
+}
+
 /// Buffers and sums of one thread during a pass.
 #[derive(Default)]
 struct Local {
@@ -56,60 +112,69 @@ struct Local {
     table: ClassTable,
 }
 
-/// Adds a sample of every pixel to `outputs`. `None` where the pass was cancelled: then some tiles
-/// are missing.
+/// Adds a sample of every pixel that is not done yet to `outputs`. Whether the pass is whole then:
+/// not where it was cancelled or paused.
 pub(super) fn render_tiles(
     frame: &SensorJob,
     pass: &PassSettings,
     photons: Option<&PhotonMap>,
     outputs: &Outputs,
     watch: &Watch,
-) -> Option<(Counters, ClassTable)> {
+    flight: &mut Flight,
+) -> bool {
     let half = (pass.index & 1) as usize;
-    let tiles = tiles(&outputs.image.crop());
-    let (done, all) = (AtomicU64::new(0), tiles.len() as u64);
-    let render_tile = |mut local: Local, tile: Crop| {
-        if watch.is_cancelled() {
-            return None;
+    let tiles: Vec<Crop> = tiles(outputs.image.crop()).collect();
+    let is_whole = |(tile, done): (&Crop, &u16)| u64::from(*done) == tile.pixels();
+    let (all, whole) = (tiles.len() as u64, tiles.iter().zip(&flight.done));
+    let whole = AtomicU64::new(whole.filter(|pair| is_whole(*pair)).count() as u64);
+    let has_added = AtomicBool::new(false);
+    let render_tile = |mut local: Local, (tile, done): (&Crop, &mut u16)| {
+        if is_whole((tile, done)) {
+            return local;
         }
-        for y in tile.y0..tile.y1 {
-            for x in tile.x0..tile.x1 {
-                let paths = (frame, pass, photons);
-                render_pixel(paths, outputs, (x, y), half, &mut local);
+        while !is_whole((tile, done)) {
+            // a pause that is due at once would end in no progress at all
+            if watch.is_cancelled() || has_added.load(SeqCst) && watch.is_pause_due() {
+                return local;
             }
+            let at = u32::from(*done);
+            let pixel = (tile.x0 + at % tile.width(), tile.y0 + at / tile.width());
+            render_pixel((frame, pass, photons), outputs, pixel, half, &mut local);
+            *done += 1;
+            has_added.store(true, SeqCst);
         }
         if let Some(observer) = watch.observer {
-            let done = done.fetch_add(1, SeqCst) + 1;
+            let done = whole.fetch_add(1, SeqCst) + 1;
             let pass = pass.index;
             observer(Tiles { pass, done, all });
         }
-        Some(local)
+        local
     };
     let local = tiles
-        .into_par_iter()
-        .try_fold(Local::default, render_tile)
-        .try_reduce(Local::default, |mut a, b| {
+        .par_iter()
+        .zip(&mut flight.done)
+        .fold(Local::default, render_tile)
+        .reduce(Local::default, |mut a, b| {
             a.workspace.counters.add(&b.workspace.counters);
             a.table.merge(b.table);
-            Some(a)
-        })?;
-    Some((local.workspace.counters, local.table))
+            a
+        });
+    flight.counts.counters.add(&local.workspace.counters);
+    flight.counts.table.merge(local.table);
+    tiles.iter().zip(&flight.done).all(is_whole)
 }
 
 /// The tiles of a film, in reading order.
-fn tiles(crop: &Crop) -> Vec<Crop> {
-    let mut out = Vec::new();
-    for y0 in (crop.y0..crop.y1).step_by(TILE as usize) {
-        for x0 in (crop.x0..crop.x1).step_by(TILE as usize) {
-            out.push(Crop {
-                x0,
-                y0,
-                x1: (x0 + TILE).min(crop.x1),
-                y1: (y0 + TILE).min(crop.y1),
-            });
-        }
-    }
-    out
+fn tiles(crop: Crop) -> impl Iterator<Item = Crop> {
+    let along = |first: u32, end: u32| (first..end).step_by(TILE as usize);
+    along(crop.y0, crop.y1).flat_map(move |y0| {
+        along(crop.x0, crop.x1).map(move |x0| Crop {
+            x0,
+            y0,
+            x1: x0.saturating_add(TILE).min(crop.x1),
+            y1: y0.saturating_add(TILE).min(crop.y1),
+        })
+    })
 }
 
 fn render_pixel(
@@ -145,4 +210,23 @@ fn render_pixel(
     }
     outputs.image.add_pixel(x, y, half, &own);
     outputs.add_extras(&workspace.contributions, &response, (x, y), half, values);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_cover_a_film() {
+        for (x0, y0, x1, y1) in [(3, 5, 4, 6), (0, 0, 16, 33), (7, 1, 50, 17)] {
+            let crop = Crop { x0, y0, x1, y1 };
+            assert_eq!(tiles(crop).count() as u64, tile_count(&crop));
+            assert_eq!(
+                tile_pixels(&crop).map(u64::from).sum::<u64>(),
+                crop.pixels()
+            );
+        }
+        // no more than a number is made of what a file may claim
+        assert_eq!(tile_count(&Crop::whole(u32::MAX, u32::MAX)), 1 << 56);
+    }
 }

@@ -2,12 +2,13 @@
 //! and what is known of the error.
 //!
 //! Invariant: outside of [`Session::step`] the films hold whole passes only. In a live session they
-//! do at any time: a pass is traced into films of its own, which are added when it is complete and
-//! dropped when it is cancelled.
+//! do at any time: a pass is traced into films of its own, which are added when it is complete. One
+//! that is cancelled or paused is gone on with by the next step, pixel by pixel; with photons, which
+//! would have to be kept as well, it is dropped.
 
 use super::clock::PassTime;
 use super::forecast::{ErrorHistory, Forecast};
-use super::pass::{TileObserver, Tiles, Watch};
+use super::pass::{Flight, TileObserver, Tiles, UnfinishedPass, Watch, tile_count, tile_pixels};
 use super::{Cancel, OutputRequest, Outputs, PilotPasses, Render, StopReason, StopRules};
 use crate::film::{AddSumsError, Crop};
 use crate::scene::{Scene, Settings};
@@ -33,14 +34,19 @@ pub struct SessionOptions {
     pub passes: Option<Range<u32>>,
     /// Ends besides the last pass.
     pub stop: StopRules,
-    /// Ends the session from outside: between passes, or in a live session between tiles.
+    /// Length of the pilot that finds the variance factors; `None`: by the settings.
+    pub pilot: Option<PilotPasses>,
+    /// Ends the session from outside: between passes, or in a live session between pixels.
     pub cancel: Cancel,
-    /// Readers never wait for a pass, and a cancelled one leaves no trace: each is traced into
-    /// films of its own, which takes the memory of the films twice.
+    /// Readers never wait for a pass, nor see one that is not whole: each is traced into films of
+    /// its own, which takes the memory of the films twice.
     pub live: bool,
     /// [`Progress::save_is_due`] comes up so that no more than this much time is lost; `None`:
     /// never.
     pub save_interval: Option<Duration>,
+    /// Passes of a live session that last longer than that pause for it, so that what is done of
+    /// them ([`Session::unfinished`]) can be saved.
+    pub pauses: bool,
 }
 
 /// Why a session cannot begin.
@@ -109,13 +115,17 @@ pub struct Session {
     view: View,
     /// Films of the pass in flight of a live session.
     staging: Option<Outputs>,
+    /// What these films hold.
+    flight: Option<Flight>,
     passes: Range<u32>,
+    /// Done out of their order.
     restored: BTreeSet<u32>,
     stop: StopRules,
     cancel: Cancel,
     observer: Option<Box<TileObserver>>,
     history: ErrorHistory,
     save_interval: Option<Duration>,
+    pauses: bool,
     added: u64,
     began: Instant,
     saved: Instant,
@@ -150,9 +160,11 @@ impl Session {
             });
         }
         let passes = options.passes.unwrap_or(0..settings.spp);
-        let render = Render::new(&scene, index, settings, crop, &options.outputs);
+        let pilot = options.pilot.unwrap_or(PilotPasses::of(settings.spp));
+        let render = Render::with_pilot(&scene, index, settings, crop, &options.outputs, pilot);
         Ok(Self {
             staging: options.live.then(|| render.empty_outputs()),
+            flight: None,
             view: View(Arc::new(RwLock::new(render))),
             // a range that ends before it begins is empty
             passes: passes.start..passes.end.max(passes.start),
@@ -162,6 +174,7 @@ impl Session {
             observer: None,
             history: ErrorHistory::default(),
             save_interval: options.save_interval,
+            pauses: options.pauses,
             added: 0,
             began,
             saved: Instant::now(),
@@ -197,6 +210,53 @@ impl Session {
         Ok(())
     }
 
+    /// Restores a pass that was not whole, with which the next step goes on if it is among those of
+    /// the session. From now on passes have films of their own, as in a live session.
+    ///
+    /// # Errors
+    /// Where it is of another film.
+    pub fn restore_unfinished(&mut self, pass: UnfinishedPass) -> Result<(), AddSumsError> {
+        let UnfinishedPass { pass, done, sums } = pass;
+        let render = self.view.read();
+        let (crop, mut films) = (render.crop(), render.empty_outputs());
+        let (expected, found) = (tile_count(&crop) as usize, done.len());
+        let within = |(all, done): (u16, &u16)| *done <= all;
+        let fits = expected == found && tile_pixels(&crop).zip(&done).all(within);
+        if !fits {
+            return Err(AddSumsError::Length { expected, found });
+        }
+        films.image.add_sums_to_half(pass as usize & 1, &sums)?;
+        self.staging = Some(films);
+        self.flight = Some(Flight {
+            done,
+            ..Flight::new(pass, &crop)
+        });
+        Ok(())
+    }
+
+    /// The pass that is not whole, if there is one, with what is done of it.
+    #[must_use]
+    pub fn unfinished(&self) -> Option<UnfinishedPass> {
+        let (flight, films) = (self.flight.as_ref()?, self.staging.as_ref()?);
+        Some(UnfinishedPass {
+            pass: flight.index,
+            done: flight.done.clone(),
+            sums: films.image.sums_of_half(flight.index as usize & 1),
+        })
+    }
+
+    /// An unfinished pass that is not among those of the session: the first of them drops what is
+    /// done of it.
+    #[must_use]
+    pub fn stranded(&self) -> Option<u32> {
+        let index = self.flight.as_ref()?.index;
+        (!self.passes.is_empty() && !self.is_to_come(index)).then_some(index)
+    }
+
+    fn is_to_come(&self, pass: u32) -> bool {
+        self.passes.contains(&pass) && !self.restored.contains(&pass)
+    }
+
     /// First and last pass that neither the restored ones nor those to come hold, though they hold
     /// passes before and after.
     #[must_use]
@@ -215,11 +275,6 @@ impl Session {
         (end < start).then(|| (end, start - 1))
     }
 
-    /// Finds the variance factors of the weights as the render did whose passes are to be restored.
-    pub fn repeat_pilot(&mut self, passes: PilotPasses) {
-        self.view.write().repeat_pilot(passes);
-    }
-
     /// Number of passes that are left, if nothing ends the session before.
     #[must_use]
     pub fn passes_left(&self) -> u64 {
@@ -227,7 +282,7 @@ impl Session {
         all - self.restored.range(self.passes.clone()).count() as u64
     }
 
-    /// Adds the next pass, if there is one, and says how things stand.
+    /// Adds the next pass, or what can be done of it, and says how things stand.
     pub fn step(&mut self) -> Progress {
         if std::mem::take(&mut self.save_was_due) {
             self.saved = Instant::now();
@@ -235,14 +290,20 @@ impl Session {
         if self.passes.is_empty() {
             return self.progress(None, false, Some(StopReason::Passes));
         }
-        let (pass, start) = (self.passes.start, Instant::now());
+        // what has begun comes first
+        let begun = self.flight.as_ref().map(|flight| flight.index);
+        let begun = begun.filter(|&pass| self.is_to_come(pass));
+        let (pass, start) = (begun.unwrap_or(self.passes.start), Instant::now());
         let mut time = self.time;
         let is_added = time.measure(|| self.add(pass));
         self.time = time;
         if !is_added {
-            return self.progress(None, false, Some(StopReason::Interrupted));
+            let is_cancelled = self.cancel.is_requested();
+            self.save_was_due = !is_cancelled;
+            let stop = is_cancelled.then_some(StopReason::Interrupted);
+            return self.progress(None, self.save_was_due, stop);
         }
-        self.passes.start += 1;
+        self.restored.insert(pass);
         self.added += 1;
         self.skip_restored();
         let stop = self.reason_to_stop();
@@ -329,26 +390,40 @@ impl Session {
         }
     }
 
-    /// Whether the pass was added: not if it was cancelled.
+    /// Whether the pass was added: not if it was cancelled or paused.
     fn add(&mut self, pass: u32) -> bool {
         let observer = self.observer.as_deref();
         let Some(staging) = &mut self.staging else {
             self.view.write().add_watched(pass, observer);
             return true;
         };
+        let render = self.view.read();
+        let merges = render.radius().is_some();
+        let interval = self.save_interval.filter(|_| self.pauses && !merges);
         let watch = Watch {
             cancel: Some(&self.cancel),
+            pause_at: interval.and_then(|most| self.saved.checked_add(most)),
             observer,
         };
-        let render = self.view.read();
-        let Some(counts) = render.trace(pass, staging, &watch) else {
+        let begun = self.flight.take();
+        let is_other = begun.as_ref().is_some_and(|flight| flight.index != pass);
+        if is_other {
             *staging = render.empty_outputs();
+        }
+        let begun = begun.filter(|_| !is_other);
+        let mut flight = begun.unwrap_or_else(|| Flight::new(pass, &render.crop()));
+        if !render.trace(&mut flight, staging, &watch) {
+            if merges {
+                *staging = render.empty_outputs();
+            } else if flight.has_begun() {
+                self.flight = Some(flight);
+            }
             return false;
-        };
+        }
         drop(render);
         let mut render = self.view.write();
         render.outputs.take(staging);
-        render.count(pass, counts);
+        render.count(flight);
         true
     }
 

@@ -1,6 +1,7 @@
 //! From a description to a scene: lights on surfaces, detectors in the geometry, media at the ends
 //! of paths.
 
+mod enclosures;
 mod surroundings;
 
 use super::albedo::albedo_tables;
@@ -14,13 +15,17 @@ use super::probe::stack_at;
 use super::{Object, Passage, Scene, Sensor};
 use crate::camera::{Camera, CameraKind};
 use crate::geometry::coincident::MOST_FACES;
-use crate::geometry::{Accel, AccelAt, AreaSampler, Instance, InstanceId, Shape, Shutter};
+use crate::geometry::contact::MOST_CONTACTS;
+use crate::geometry::{
+    Accel, AccelAt, AreaSampler, Instance, InstanceId, Shape, Shutter, SurfaceId,
+};
 use crate::light::area::AreaLight;
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightId};
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, MediumId, MediumStack};
 use crate::spectrum::{Emission, WavelengthDistribution};
+use enclosures::Enclosures;
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::fmt;
@@ -125,9 +130,23 @@ pub enum BuildError {
         "more than {MOST_FACES} surfaces are in the same place, \"{name}\" and \"{other}\" among them (allowed: {MOST_FACES} that touch)"
     )]
     Crowd {
-        /// One of the objects.
+        /// The object, or the detector.
+        subject: Subject,
+        /// Name.
         name: String,
-        /// Another.
+        /// The name of another one in its place.
+        other: String,
+    },
+    /// More surfaces touch one another than are looked at.
+    #[error(
+        "{subject} \"{name}\" and object \"{other}\" are two of too many in one place (allowed: {MOST_CONTACTS} pairs that touch)"
+    )]
+    TooManyContacts {
+        /// The object, or the detector.
+        subject: Subject,
+        /// Name.
+        name: String,
+        /// The name of another one in its place.
         other: String,
     },
     /// More instances than ids.
@@ -145,8 +164,10 @@ impl BuildError {
             | Self::ChangingMedium { subject, .. }
             | Self::InsideOut { subject, .. }
             | Self::TwoMedia { subject, .. }
+            | Self::Crowd { subject, .. }
+            | Self::TooManyContacts { subject, .. }
             | Self::SensorsTouch { subject, .. } => Some(*subject),
-            Self::NoLight | Self::Crowd { .. } | Self::TooManyInstances(_) => None,
+            Self::NoLight | Self::TooManyInstances(_) => None,
         }
     }
 }
@@ -185,6 +206,7 @@ impl Scene {
         let contacts = builder.surroundings(&accel)?;
         let fluxes = builder.fluxes(&accel, &moments);
         let powers = builder.powers(&fluxes, description.wavelengths.range_nm)?;
+        builder.enclosures = Enclosures::new(&accel, &builder.objects);
         let light_stacks = builder.light_stacks(&accel, &moments)?;
         builder.sensor_stacks(&accel, &moments)?;
 
@@ -246,6 +268,7 @@ struct Builder {
     light_names: Vec<String>,
     light_subjects: Vec<Subject>,
     sensors: Vec<Sensor>,
+    enclosures: Enclosures,
     notes: Vec<String>,
 }
 
@@ -301,6 +324,7 @@ impl Builder {
             light_names: Vec::new(),
             light_subjects: Vec::new(),
             sensors: Vec::with_capacity(description.sensors.len()),
+            enclosures: Enclosures::default(),
             notes: Vec::new(),
         }
     }
@@ -435,8 +459,18 @@ impl Builder {
 
     /// The power of each light by which it is chosen, over the working range.
     fn powers(&self, fluxes: &[f64], range_nm: [f64; 2]) -> Result<Vec<f64>, BuildError> {
-        let power = |(light, flux): (&Light, &f64)| flux * light.emission.sampling_power(range_nm);
-        let powers: Vec<f64> = self.lights.iter().zip(fluxes).map(power).collect();
+        let mut powers = Vec::with_capacity(fluxes.len());
+        let mut known: Option<(&Emission, f64)> = None;
+        for (light, flux) in self.lights.iter().zip(fluxes) {
+            // many lights are often alike
+            let same = known.filter(|(emission, _)| **emission == light.emission);
+            let power = same.map_or_else(
+                || light.emission.sampling_power(range_nm),
+                |(_, power)| power,
+            );
+            known = Some((&light.emission, power));
+            powers.push(flux * power);
+        }
         if !powers.iter().any(|&p| p > 0.0) {
             return Err(BuildError::NoLight);
         }
@@ -513,7 +547,7 @@ impl Builder {
 
     /// The solids that a light is in, on the side of a surface's normal (`side` 1) or behind (-1).
     fn light_stack(&self, geometry: &AccelAt, light: &Light, side: f64) -> Option<MediumStack> {
-        let stack = |p, n, start| stack_at(geometry, &self.objects, p, n, start, self.ambient);
+        let stack = |p, n, start| self.stack_at(geometry, p, n, start);
         match light.as_area() {
             Some(area) => common_stack((0..PROBES).map(probe).map(|[u, v, w]| {
                 let point = area.sample(geometry, u, DVec2::new(v, w)).point;
@@ -532,15 +566,22 @@ impl Builder {
         common_stack((0..PROBES).map(probe).map(|[u, v, _]| {
             let (raster, u_lens) = (DVec2::new(u, v) * size, DVec2::new(v, u));
             let xk = camera.sample_ray(raster, u_lens, geometry.moment()).xk;
-            stack_at(
-                geometry,
-                &self.objects,
-                xk.p,
-                xk.n,
-                xk.surface,
-                self.ambient,
-            )
+            self.stack_at(geometry, xk.p, xk.n, xk.surface)
         }))
+    }
+
+    fn stack_at(
+        &self,
+        geometry: &AccelAt,
+        p: DVec3,
+        normal: DVec3,
+        start: Option<SurfaceId>,
+    ) -> Option<MediumStack> {
+        if self.enclosures.may_hold(p) {
+            stack_at(geometry, &self.objects, p, normal, start, self.ambient)
+        } else {
+            Some(MediumStack::new(self.ambient))
+        }
     }
 }
 

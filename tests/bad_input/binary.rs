@@ -47,12 +47,18 @@ pub fn valid_part() -> Vec<u8> {
             start: 0,
             end: 4,
         }],
+        unfinished: Some(part::UnfinishedName { seed: 0, pass: 4 }),
     };
     part::write(
         &path,
         &part::Part {
             header,
             sums: (0..48).map(|i| i * 1_000_000_007).collect(),
+            unfinished: Some(abbe::render::UnfinishedPass {
+                pass: 4,
+                done: vec![5],
+                sums: (0..24).map(|i| i * 1_000_003).collect(),
+            }),
         },
     )
     .expect("writes");
@@ -112,10 +118,10 @@ fn damaged_parts() {
             "there is more after the last sum",
         ),
         (with(0, b"x"), "no part file begins like this"),
-        (with(8, &[9]), "version 9, this program reads version 3"),
+        (with(8, &[9]), "version 9, this program reads version 4"),
         (
             with(8, &[2]),
-            "version 2, this program reads version 3: render the passes again",
+            "version 2, this program reads version 4: render the passes again",
         ),
         (
             with(12, &[255; 4]),

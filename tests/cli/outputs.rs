@@ -168,7 +168,7 @@ fn what_does_not_fit_is_told_before() {
     let dir = folder();
     let scene = SCENE.replace("[24, 16]", "[65536, 4096]");
     std::fs::write(dir.path().join("scene.toml"), scene).expect("writes");
-    // 24 GiB of films in 6 GB of address space
+    // 48 GiB of films in 6 GB of address space
     let abbe = env!("CARGO_BIN_EXE_abbe");
     let script = format!("ulimit -v 6000000; exec {abbe} render scene.toml --spp 1 --threads 1");
     let output = std::process::Command::new("sh")
@@ -179,7 +179,7 @@ fn what_does_not_fit_is_told_before() {
     let message = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(
-        message.starts_with("error: films, meshes and textures need "),
+        message.starts_with("error: program and scene "),
         "{message}"
     );
     assert!(message.contains("this machine has 5."), "{message}");

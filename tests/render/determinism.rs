@@ -10,7 +10,7 @@
 use super::harness::{Estimate, full_crop, scene, with};
 use abbe::film::{Crop, Film};
 use abbe::integrator::{SensorJob, Workspace, sample_pixel};
-use abbe::io::part::{self, Part, PartHeader, PassRange, merge, read, write};
+use abbe::io::part::{self, Part, PartHeader, PassRange, Resumed, merge, read, write};
 use abbe::math::hash::combine;
 use abbe::render::{OutputRequest, Render, Session, SessionOptions};
 use abbe::scene::settings::IntegratorKind::{Bdpt, Path};
@@ -137,10 +137,12 @@ fn merged_parts_equal_one_run() {
             pilot: 0,
             image: BTreeMap::new(),
             passes: vec![range],
+            unfinished: None,
         };
         Part {
             header,
             sums: sums(&scene, &settings, crop, passes),
+            unfinished: None,
         }
     };
     let folder = tempfile::tempdir().unwrap();
@@ -168,27 +170,29 @@ fn a_resumed_render_keeps_the_weights_of_its_part() {
         spp,
         ..settings.clone()
     });
-    let session = |settings: &Settings, passes: Range<u32>| {
+    let with_pilot = |settings: &Settings, passes: Range<u32>, pilot| {
         let options = SessionOptions {
             passes: Some(passes),
+            pilot,
             ..SessionOptions::default()
         };
         Session::new(Arc::clone(&scene), settings, options).unwrap()
     };
+    let session = |settings: &Settings, passes| with_pilot(settings, passes, None);
     let rendered = |settings: &Settings, passes: Range<u32>| {
         let mut session = session(settings, passes);
         session.run();
-        let render = session.render();
-        part::of(&render)
+        part::of(&session)
     };
     let (first, whole) = (rendered(&short, 0..2), rendered(&short, 0..4));
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("first.part");
     write(&file, &first).unwrap();
-    let mut resumed = session(&long, 0..4);
-    part::resume(&mut resumed, &file).unwrap();
+    let part = Resumed::read(&file).unwrap();
+    let mut resumed = with_pilot(&long, 0..4, Some(part.pilot));
+    part.restore(&mut resumed).unwrap();
     resumed.run();
-    assert!(part::of(&resumed.render()) == whole);
+    assert!(part::of(&resumed) == whole);
     assert!(rendered(&long, 0..4).sums != whole.sums, "pilots agree");
     // passes with other weights are no parts of it
     let other = rendered(&long, 2..4);
@@ -198,7 +202,7 @@ fn a_resumed_render_keeps_the_weights_of_its_part() {
     let mut damaged = first;
     damaged.header.pilot = 1_000_000;
     write(&file, &damaged).unwrap();
-    let message = part::resume(&mut session(&long, 0..4), &file).unwrap_err();
+    let message = Resumed::read(&file).unwrap_err();
     let expected = format!(
         "{}: cannot resume: it names a pilot of 1000000 passes",
         file.display()

@@ -5,6 +5,7 @@
 
 use super::harness::{full_crop, scene, with};
 use abbe::film::Crop;
+use abbe::io::part::{self, Resumed};
 use abbe::render::session::NO_LIMIT;
 use abbe::render::{
     Cancel, OutputRequest, Render, Session, SessionError, SessionOptions, StopReason, StopRules,
@@ -172,7 +173,7 @@ fn restored_passes_are_not_done_again() {
 }
 
 #[test]
-fn a_cancelled_pass_leaves_no_trace() {
+fn a_cancelled_pass_leaves_no_trace_in_the_films() {
     let (scene, settings) = scene(SCENE);
     // with photons: their phase comes first
     for integrator in [IntegratorKind::Bdpt, IntegratorKind::Vcm] {
@@ -222,6 +223,92 @@ fn a_cancelled_pass_leaves_no_trace() {
         (0..5).for_each(|pass| whole.add_pass(pass));
         assert!(sums(&session.render()) == sums(&whole));
     }
+}
+
+/// A session of three passes that pauses after every pixel or few.
+fn pausing(scene: &Arc<abbe::scene::Scene>, settings: &Settings, part: Option<Resumed>) -> Session {
+    let options = SessionOptions {
+        live: true,
+        pauses: true,
+        save_interval: Some(Duration::ZERO),
+        passes: Some(0..3),
+        ..SessionOptions::default()
+    };
+    let mut session = Session::new(Arc::clone(scene), settings, options).unwrap();
+    if let Some(part) = part {
+        part.restore(&mut session).unwrap();
+    }
+    session
+}
+
+#[test]
+fn what_is_done_of_a_pass_is_saved_and_gone_on_with() {
+    let (scene, settings) = scene(SCENE);
+    let crop = full_crop(&scene);
+    let mut expected = Render::new(&scene, 0, &settings, crop, &OutputRequest::default());
+    (0..3).for_each(|pass| expected.add_pass(pass));
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.part");
+    // every so many steps, all that is left of the session is its part
+    let mut session = pausing(&scene, &settings, None);
+    let (mut steps, mut saved_in_midst) = (0, 0);
+    loop {
+        let state = session.step();
+        if state.stop.is_some() {
+            break;
+        }
+        assert!(state.save_is_due);
+        steps += 1;
+        if steps % 97 == 0 {
+            let part = part::of(&session);
+            assert_eq!(part.header.pass_count(), state.passes);
+            saved_in_midst += usize::from(part.unfinished.is_some());
+            part::write(&file, &part).unwrap();
+            session = pausing(&scene, &settings, Some(Resumed::read(&file).unwrap()));
+        }
+    }
+    assert!(saved_in_midst > 0, "{steps} steps");
+    let whole = part::of(&session);
+    assert_eq!(whole.unfinished, None);
+    assert_eq!(whole.header.pass_count(), 3);
+    assert!(whole.sums == expected.outputs().image.sums());
+}
+
+#[test]
+fn an_unfinished_pass_comes_first_or_is_told() {
+    let (scene, settings) = scene(SCENE);
+    let mut begun = pausing(&scene, &settings, None);
+    begun.step();
+    let mut unfinished = begun.unfinished().unwrap();
+    let session = |passes, unfinished| {
+        let options = SessionOptions {
+            passes: Some(passes),
+            ..SessionOptions::default()
+        };
+        let mut session = Session::new(Arc::clone(&scene), &settings, options).unwrap();
+        session.restore_unfinished(unfinished).unwrap();
+        session
+    };
+    // as if it had been the third
+    unfinished.pass = 2;
+    unfinished.done.fill(0);
+    unfinished.sums.fill(0);
+    let mut third_first = session(0..3, unfinished.clone());
+    assert_eq!(third_first.stranded(), None);
+    third_first.run();
+    assert_eq!(third_first.render().passes(), [2, 0, 1]);
+    let mut without = session(0..2, unfinished.clone());
+    assert_eq!(without.stranded(), Some(2));
+    without.run();
+    assert_eq!(without.render().passes(), [0, 1]);
+    assert!(without.unfinished().is_none());
+    let mut at_its_end = session(0..0, unfinished.clone());
+    assert_eq!(at_its_end.stranded(), None);
+    at_its_end.run();
+    assert!(at_its_end.unfinished().is_some(), "kept for another time");
+    unfinished.done.pop();
+    let error = at_its_end.restore_unfinished(unfinished).unwrap_err();
+    assert_eq!(error.to_string(), "the film has 6 sums, the part has 5");
 }
 
 #[test]

@@ -105,8 +105,8 @@ pub struct RenderOptions {
     /// Writes statistics as JSON, with the table of path classes and strategies
     #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
-    /// Refuses to start where films, meshes, textures and photons need more memory than SIZE, such
-    /// as 500M or 2G; what the machine has otherwise
+    /// Refuses to load or render what needs more memory than SIZE in all, such as 500M or 2G; what
+    /// the machine has otherwise
     #[arg(long, value_name = "SIZE", value_parser = values::size)]
     pub max_memory: Option<u64>,
     /// Prints nothing but errors

@@ -2,6 +2,7 @@
 
 use super::error::{Place, Problem, SceneFileError, SceneFileErrors};
 use super::reader::MAX_ERRORS;
+use crate::io::files::MAX_SCENE_LISTS;
 use crate::math::hash::{combine, hash_bytes};
 use std::ops::Range;
 use toml::Spanned;
@@ -120,8 +121,43 @@ impl Source {
     }
 }
 
+/// Number of tables and lists of a text, or more, by its brackets and the dots of its keys.
+fn list_count(text: &str) -> usize {
+    let bytes = text.as_bytes();
+    let (mut count, mut before, mut in_key) = (0, b'\n', false);
+    for (i, &byte) in bytes.iter().enumerate() {
+        // what a line begins with tells keys from numbers of a list
+        if before == b'\n' {
+            in_key = byte.is_ascii_alphabetic() || matches!(byte, b'_' | b'"' | b'\'');
+        }
+        match byte {
+            b'=' => in_key = false,
+            b'{' => count += 1,
+            b'[' => count += usize::from(before != b'['),
+            // of numbers and names of files but few are followed by letters
+            b'.' => {
+                let next = bytes.get(i + 1).copied().unwrap_or_default();
+                count += usize::from(in_key || !next.is_ascii_digit());
+            }
+            _ => {}
+        }
+        before = byte;
+    }
+    count
+}
+
 /// Parses the file. Syntax errors are all collected; nothing further is read where there are any.
 pub fn parse(source: &Source) -> Result<DeTable<'_>, SceneFileErrors> {
+    let lists = list_count(&source.text);
+    if lists > MAX_SCENE_LISTS {
+        let message = format!(
+            "{lists} tables and lists (allowed: at most {MAX_SCENE_LISTS}; a model in glTF holds more objects)"
+        );
+        let error = source.error(&(0..0), Problem::Form(message));
+        return Err(
+            SceneFileErrors::from_unsorted(vec![error], 0).expect("invariant: there is an error")
+        );
+    }
     let (document, errors) = DeTable::parse_recoverable(&source.text);
     let place = |e: &toml::de::Error| {
         source.error(

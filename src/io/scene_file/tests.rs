@@ -86,6 +86,51 @@ fn detectors_face_u_cross_v() {
     );
 }
 
+/// Memory of a document is told by its text, before there is a document.
+#[test]
+fn tables_and_lists_are_counted_before_they_are_made() {
+    const HEAD: &str = "[[sensor]]\nperspective = { eye = [0, 0, 5], target = [0, 0, 0], fov_deg = 40 }\n\
+                        [[light]]\nenvironment = { radiance = 1 }\n";
+    for (text, count) in [
+        (
+            format!("a = [{}]\n{HEAD}", "{b={}},".repeat(400_000)),
+            800_007,
+        ),
+        (format!("a = [{}]\n{HEAD}", "[],".repeat(700_000)), 700_006),
+        ("a.b.c = 1\n".repeat(400_000), 800_000),
+    ] {
+        let error = parse_str(&text, Path::new("/nonexistent")).expect_err("too many");
+        let expected = format!(
+            "scene:1:1: {count} tables and lists (allowed: at most 600000; a model in glTF holds more objects)"
+        );
+        assert_eq!(error.to_string(), expected);
+    }
+    // numbers are none
+    let rows: String = (0..30_000).map(|i| format!("[{i}.0, 0.5],\n")).collect();
+    let text = format!("{HEAD}x = [{rows}{}]\n", "1.5, ".repeat(700_000));
+    let error = parse_str(&text, Path::new("/nonexistent")).expect_err("no key");
+    assert!(!error.to_string().contains("tables and lists"), "{error}");
+}
+
+#[test]
+fn crowds_in_one_place_are_refused() {
+    let built = |count| {
+        let text = format!(
+            "[[sensor]]\nperspective = {{ eye = [0, 0, 5], target = [0, 0, 0], fov_deg = 40 }}\n\
+             [[light]]\nenvironment = {{ radiance = 1 }}\n{}",
+            "[[object]]\nsphere = { radius = 1 }\n".repeat(count)
+        );
+        let loaded = parse_str(&text, Path::new("/nonexistent")).expect("valid");
+        crate::scene::Scene::build(loaded.description)
+    };
+    assert!(built(100).is_ok());
+    let error = built(1500).expect_err("a crowd").to_string();
+    assert!(
+        error.ends_with("are two of too many in one place (allowed: 1000000 pairs that touch)"),
+        "{error}"
+    );
+}
+
 #[test]
 fn a_hundred_problems_are_told_and_the_others_counted() {
     const COUNT: usize = 20_000;

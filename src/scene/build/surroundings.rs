@@ -2,7 +2,7 @@
 //! stops.
 
 use super::{BuildError, Builder, Subject};
-use crate::geometry::contact::{add_region, contacts, crowd, overlaps};
+use crate::geometry::contact::{TooManyContacts, add_region, contacts, crowd, overlaps};
 use crate::geometry::{Accel, Contact, InstanceId, Mesh, Shape};
 use crate::medium::{Boundary, MediumId};
 use crate::scene::crossing::stands_alone;
@@ -45,7 +45,16 @@ impl Builder {
     /// Surroundings of each object: surfaces that touch it, and solids that decide about segments.
     /// The contacts.
     pub(super) fn surroundings(&mut self, accel: &Accel) -> Result<Vec<Contact>, BuildError> {
-        let contacts = contacts(accel);
+        let too_many = |TooManyContacts(pair)| {
+            let (subject, name, other) = self.named(pair);
+            BuildError::TooManyContacts {
+                subject,
+                name,
+                other,
+            }
+        };
+        let overlaps = overlaps(accel.instances()).map_err(too_many)?;
+        let contacts = contacts(accel, &overlaps).map_err(too_many)?;
         for contact in &contacts {
             let [first, second] = contact.pair.map(|id| &self.objects[id.0 as usize]);
             let hides = |o: &Object| o.sensor.is_some() && !o.transparent_sensor;
@@ -62,15 +71,16 @@ impl Builder {
                 }
             }
         }
-        if let Some([first, second]) = crowd(accel, &contacts) {
-            let object = |id: InstanceId| &self.objects[id.0 as usize];
+        if let Some(pair) = crowd(accel, &contacts) {
+            let (subject, name, other) = self.named(pair);
             return Err(BuildError::Crowd {
-                name: object(first).name.clone(),
-                other: object(second).name.clone(),
+                subject,
+                name,
+                other,
             });
         }
         let mut among_solids = vec![false; self.objects.len()];
-        for [a, b] in overlaps(accel.instances()) {
+        for [a, b] in overlaps {
             let [a, b] = [a, b].map(|id| id.0 as usize);
             let separates = |i: usize| self.objects[i].boundary != Boundary::None;
             if separates(a) && separates(b) {
@@ -82,6 +92,17 @@ impl Builder {
             object.passage = passage(object, among_solids, self.ambient);
         }
         Ok(contacts)
+    }
+
+    /// The first of two instances as a subject with its name, and the name of the other.
+    fn named(&self, pair: [InstanceId; 2]) -> (Subject, String, String) {
+        let [name, other] = pair.map(|id| self.objects[id.0 as usize].name.clone());
+        let first = pair[0].0 as usize;
+        let subject = match self.objects[first].sensor {
+            Some(sensor) => Subject::Sensor(sensor),
+            None => Subject::Object(first),
+        };
+        (subject, name, other)
     }
 }
 
