@@ -36,7 +36,7 @@ const MAX_LINES: usize = 700;
 /// Lines that a reader takes in before the first render.
 const README_LINES: usize = 150;
 /// Crates that only some files may name, so that replacing one touches only those.
-const CRATES: [(&str, &[&str]); 12] = [
+const CRATES: [(&str, &[&str]); 13] = [
     ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
@@ -52,6 +52,7 @@ const CRATES: [(&str, &[&str]); 12] = [
     ("gltf", &["io/gltf/"]),
     ("moxcms", &["io/image_file/icc.rs"]),
     ("clap", &["cli/"]),
+    ("console", &["cli/"]),
     ("ctrlc", &["cli/"]),
     ("indicatif", &["cli/"]),
     ("signal_hook", &["cli/"]),

@@ -5,6 +5,7 @@ use super::args::BandingOptions;
 use super::{CliError, Outcome, print, threads};
 use crate::io::atomic::write_atomic;
 use crate::io::destination::Claims;
+use crate::io::loaded;
 use crate::report::banding::BandingStudy;
 use std::io::Write as _;
 
@@ -12,7 +13,9 @@ use std::io::Write as _;
 pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
     let json_path = options.output.with_extension("json");
     let picture_path = options.output.with_extension("png");
-    let mut claims = Claims::of_inputs([&options.scene]);
+    // what a scene reads is known when it is loaded
+    let read = loaded::load(&options.scene, &options.overrides.set)?.files;
+    let mut claims = Claims::of_inputs(&read);
     for path in [&options.output, &json_path, &picture_path] {
         claims.output(path)?;
     }
@@ -35,13 +38,13 @@ pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
     })?;
     write_atomic(&json_path, |w| writeln!(w, "{:#}", found.json()))?;
     if !options.quiet {
-        print(&found.table());
+        print(&found.table())?;
         print(&format!(
             "{}: table and picture of {width} x {height} pixels, also as {} and {}\n",
             options.output.display(),
             json_path.display(),
             picture_path.display()
-        ));
+        ))?;
     }
     Ok(Outcome::Done)
 }

@@ -13,7 +13,7 @@ pub fn run(options: &CompareOptions) -> Result<Outcome, CliError> {
         && class_tables::is_table(image)
         && class_tables::is_table(reference)
     {
-        print(&class_tables::compare(image, reference, options.json)?);
+        print(&class_tables::compare(image, reference, options.json)?)?;
         return Ok(Outcome::Done);
     }
     let (image, reference) = match reference {
@@ -42,6 +42,6 @@ pub fn run(options: &CompareOptions) -> Result<Outcome, CliError> {
         format!("{json:#}\n")
     } else {
         text
-    });
+    })?;
     Ok(Outcome::Done)
 }

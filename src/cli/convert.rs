@@ -35,7 +35,7 @@ pub fn run(options: &ConvertOptions) -> Result<Outcome, CliError> {
             read.objects.len(),
             read.cameras.len(),
             read.lights.len()
-        ));
+        ))?;
     }
     Ok(Outcome::Done)
 }

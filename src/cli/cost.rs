@@ -27,9 +27,11 @@ pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
     })?;
     interrupt::end_with("interrupted: the same command goes on from the cells that are done")?;
     let pool = threads::pool(options.threads)?;
-    let say = |text: &str| {
-        if !options.quiet {
-            print(text);
+    // cells that are rendered count, whoever reads of them
+    let mut printed = Ok(());
+    let mut say = |text: &str| {
+        if !options.quiet && printed.is_ok() {
+            printed = print(text);
         }
     };
     let mut tell = |event: Event| say(&text(options, &event));
@@ -41,7 +43,7 @@ pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
         say(&format!("{sentence}\n"));
     }
     say(&format!("{}\n", page.display()));
-    Ok(Outcome::Done)
+    printed.map(|()| Outcome::Done)
 }
 
 fn extent(options: &CostOptions) -> Extent {

@@ -72,7 +72,7 @@ fn develop(options: &DevelopOptions, source: &Path) -> Result<(), CliError> {
     write_atomic(&target, |file| file.write_all(&png))?;
     if !options.quiet {
         let text = preview_text(&target, picture.stops, picture.clipped);
-        print(&format!("{text}, {} curve\n", development.tone));
+        print(&format!("{text}, {} curve\n", development.tone))?;
     }
     Ok(())
 }

@@ -53,6 +53,9 @@ pub enum CliError {
     /// A glass that there is not.
     #[error(transparent)]
     Library(#[from] LibraryError),
+    /// Results that could not be printed.
+    #[error("standard output: {0}")]
+    Stdout(std::io::Error),
     /// Anything else that went wrong.
     #[error("{0}")]
     Failed(String),

@@ -33,7 +33,7 @@ const MAX_FOUND: usize = 12;
 pub fn run(options: &GlassOptions) -> Result<Outcome, CliError> {
     let library = super::lens::library(&options.glass_path)?;
     let Some(name) = &options.name else {
-        print(&list(&library, options.json));
+        print(&list(&library, options.json))?;
         return Ok(Outcome::Done);
     };
     let ior = library.ior(name).map_err(|e| unknown(&library, name, e))?;
@@ -41,7 +41,7 @@ pub fn run(options: &GlassOptions) -> Result<Outcome, CliError> {
         json_text(&ior)
     } else {
         table(&ior)
-    });
+    })?;
     Ok(Outcome::Done)
 }
 

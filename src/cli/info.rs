@@ -34,7 +34,7 @@ pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
         format!("{:#}\n", to_json(&loaded))
     } else {
         to_text(&loaded)
-    });
+    })?;
     Ok(Outcome::Done)
 }
 

@@ -51,9 +51,9 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
             (passes as usize, "pass", "passes"),
         ]
         .map(|(n, one, several)| format!("{n} {}", if n == 1 { one } else { several }));
-        print(&format!("{}: {part}, {pass}\n", options.output.display()));
+        print(&format!("{}: {part}, {pass}\n", options.output.display()))?;
         if let Some(text) = preview {
-            print(&format!("  preview   {text}\n"));
+            print(&format!("  preview   {text}\n"))?;
         }
     }
     Ok(Outcome::Done)

@@ -24,13 +24,16 @@ mod render;
 mod save;
 mod stats;
 mod summary;
+mod terminal;
 mod threads;
 mod usage;
 
 use args::{Arguments, Command};
 use clap::Parser;
 pub use error::CliError;
+use std::io::ErrorKind;
 use std::process::ExitCode;
+use terminal::{print, tell};
 
 /// Exit code of a render that was interrupted and whose image so far was saved.
 const INTERRUPTED: u8 = 130;
@@ -63,7 +66,7 @@ pub fn run() -> ExitCode {
         Command::Compare(options) => compare::run(&options),
         Command::Develop(options) => develop::run(&options),
         Command::Glass(options) => glass::run(&options),
-        Command::Keys(options) => Ok(keys::run(&options)),
+        Command::Keys(options) => keys::run(&options),
         Command::Lens(options) => lens::run(&options),
         Command::Merge(options) => merge::run(&options),
         Command::Banding(options) => banding::run(&options),
@@ -72,6 +75,8 @@ pub fn run() -> ExitCode {
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Interrupted) => ExitCode::from(INTERRUPTED),
+        // whoever has closed the pipe does not ask why
+        Err(CliError::Stdout(e)) if e.kind() == ErrorKind::BrokenPipe => ExitCode::from(1),
         Err(error) => {
             for line in error.to_string().lines() {
                 tell(&format!("error: {line}"));
@@ -79,27 +84,4 @@ pub fn run() -> ExitCode {
             ExitCode::from(error.exit_code())
         }
     }
-}
-
-/// Writes a line to stderr. Names from files may hold what would control a terminal.
-fn tell(line: &str) {
-    use std::io::Write;
-    // where stderr is closed or full nobody is left to tell
-    _ = writeln!(std::io::stderr().lock(), "{}", harmless(line));
-}
-
-/// Text without control characters but line ends and tabs.
-fn harmless(text: &str) -> String {
-    let keep = |c: char| !c.is_control() || matches!(c, '\n' | '\t');
-    let shown = |c: char| if keep(c) { c } else { '\u{fffd}' };
-    text.chars().map(shown).collect()
-}
-
-/// Writes to stdout. A reader that has closed the pipe (`abbe info SCENE | head`) ends the output,
-/// not the command.
-fn print(text: &str) {
-    use std::io::Write;
-    _ = std::io::stdout()
-        .lock()
-        .write_all(harmless(text).as_bytes());
 }

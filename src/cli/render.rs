@@ -23,13 +23,15 @@ use crate::render::{
 };
 use crate::spectrum::SpectralChannels;
 use rayon::ThreadPool;
+use std::cell::RefCell;
 use std::ffi::OsStr;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Passes after which an image that is all black is worth a word.
+/// Samples, and passes of small films, after which an image that is all black is worth a word.
+const SAMPLES_TO_SEE: u64 = 1 << 16;
 const PASSES_TO_SEE: u64 = 16;
 
 /// Parts that all sensors share.
@@ -43,6 +45,8 @@ struct Job<'a> {
     pool: &'a ThreadPool,
     /// Without photons.
     need: Need,
+    /// Whether all that was said could be: if not, the render goes on.
+    printed: RefCell<Result<(), CliError>>,
 }
 
 /// A session before its first pass.
@@ -77,7 +81,6 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         for warning in &loaded.warnings {
             tell(&format!("warning: {warning}"));
         }
-        print(&summary::effects(&loaded.scene.effects));
     }
     let pool = threads::pool(options.threads)?;
     let endless =
@@ -100,13 +103,15 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         loaded: &loaded,
         pool: &pool,
         need,
+        printed: RefCell::new(Ok(())),
     };
+    job.say(|| summary::effects(&loaded.scene.effects));
     let threads = pool.current_num_threads();
     let (outcome, sensor_stats) = job.render_all(&sensors, &crops, &targets)?;
     if let Some(path) = &options.stats {
         stats::write(path, &loaded, threads, &sensor_stats)?;
     }
-    Ok(outcome)
+    job.printed.into_inner().map(|()| outcome)
 }
 
 /// Seconds as a duration; a number too large for one is as good as no limit.
@@ -235,6 +240,13 @@ fn need(options: &RenderOptions, loaded: &Loaded, request: &OutputRequest, crops
 }
 
 impl Job<'_> {
+    fn say(&self, text: impl FnOnce() -> String) {
+        let mut printed = self.printed.borrow_mut();
+        if !self.options.quiet && printed.is_ok() {
+            *printed = print(&text());
+        }
+    }
+
     fn render_all(
         &self,
         sensors: &[usize],
@@ -289,13 +301,14 @@ impl Job<'_> {
         ));
         let bar = Arc::clone(&progress);
         session.observe(move |tiles| bar.tile(tiles));
+        let passes_to_see = (SAMPLES_TO_SEE / crop.pixels()).clamp(1, PASSES_TO_SEE);
         let mut saver = Saver::new(options, targets, &guides, &self.interrupts);
         let stop = loop {
             let state = self.pool.install(|| session.step());
             if state.pass.is_some() {
                 progress.pass(&state);
             }
-            if state.pass.is_some() && state.passes == PASSES_TO_SEE {
+            if state.pass.is_some() && state.passes == passes_to_see {
                 self.warn_of_black(&session.render());
             }
             if state.save_is_due {
@@ -314,7 +327,7 @@ impl Job<'_> {
             } else {
                 "no pass is whole: there is no image (with --part FILE what is done would be kept)"
             });
-        } else if (render.passes().len() as u64) < PASSES_TO_SEE {
+        } else if (render.passes().len() as u64) < passes_to_see {
             self.warn_of_black(&render);
         }
         let mut stats = SensorStats::new(
@@ -325,14 +338,9 @@ impl Job<'_> {
             cpu_start,
         );
         stats.forecast = session.forecast(options.target_error);
-        if !options.quiet && !render.passes().is_empty() {
-            let preview = preview.as_deref();
-            print(&summary::sensor(
-                &targets.image,
-                preview,
-                &stats,
-                &loaded.scene,
-            ));
+        if !render.passes().is_empty() {
+            let (image, preview) = (&targets.image, preview.as_deref());
+            self.say(|| summary::sensor(image, preview, &stats, &loaded.scene));
         }
         Ok(Some(stats))
     }
@@ -391,17 +399,13 @@ impl Job<'_> {
                     .to_owned(),
             ));
         }
-        if !options.quiet {
-            print(&summary::regularization(&render));
-        }
+        self.say(|| summary::regularization(&render));
         let need = Need {
             photons: photons.map_or(0, PhotonMemory::bytes),
             ..self.need
         };
         if let (Some(radius), Some(memory)) = (render.radius(), photons) {
-            if !options.quiet {
-                print(&summary::merging(radius, memory));
-            }
+            self.say(|| summary::merging(radius, memory));
             need.check(options.max_memory)?;
             if !memory.is_addressable() {
                 return Err(CliError::Failed(
@@ -410,9 +414,7 @@ impl Job<'_> {
                 ));
             }
         }
-        if !options.quiet {
-            print(&summary::memory(&need));
-        }
+        self.say(|| summary::memory(&need));
         Ok(())
     }
 

@@ -108,6 +108,8 @@ pub struct Film {
     crop: Crop,
     filter: Filter,
     channels: usize,
+    /// Value of 2⁶⁴ in the sums, a power of two.
+    unit: f64,
     /// By half, row, column, channel.
     sums: Vec<FixedSum>,
     not_finite: AtomicU64,
@@ -123,10 +125,19 @@ impl Film {
             crop,
             filter,
             channels,
+            unit: 1.0,
             sums: (0..count).map(|_| FixedSum::default()).collect(),
             not_finite: AtomicU64::new(0),
             saturated: AtomicU64::new(0),
         }
+    }
+
+    /// The same for values about 2 to the power of `exponent` times larger: sums count multiples of
+    /// 2^(exponent − 64). (−512 to 512, on an empty film.)
+    #[must_use]
+    pub fn with_exponent(self, exponent: i32) -> Self {
+        let unit = f64::from(exponent).exp2();
+        Self { unit, ..self }
     }
 
     /// The part of the film that is held.
@@ -203,6 +214,7 @@ impl Film {
 
     fn add_scaled(&self, x: u32, y: u32, half: usize, values: &[f64], scale: f64) {
         debug_assert!(values.len() == self.channels && half < 2);
+        let scale = scale / self.unit;
         for &value in values {
             match fixed::quantize(value * scale) {
                 Ok(_) => {}
@@ -235,7 +247,7 @@ impl Film {
     /// passes.
     #[must_use]
     pub fn image(&self, passes: u64) -> Vec<f64> {
-        let scale = mean_scale(passes);
+        let scale = mean_scale(passes) * self.unit;
         self.half_sums(0)
             .iter()
             .zip(self.half_sums(1))
@@ -262,7 +274,7 @@ impl Film {
                 .step_by(self.channels)
                 .map(|sum| fixed::to_f64(sum.get()))
         };
-        let (even, odd) = (mean_scale(passes_even), mean_scale(passes_odd));
+        let [even, odd] = [passes_even, passes_odd].map(|n| mean_scale(n) * self.unit);
         let pairs = values(0).zip(values(1));
         Some(pairs.map(|(e, o)| e * even - o * odd).collect())
     }
@@ -312,7 +324,7 @@ impl Film {
         Some(errors)
     }
 
-    /// The exact sums in units of 2⁻⁶⁴, by half, row, column and channel.
+    /// The exact sums in units of 2^(exponent − 64), by half, row, column and channel.
     #[must_use]
     pub fn sums(&self) -> Vec<i128> {
         self.sums.iter().map(FixedSum::get).collect()

@@ -7,6 +7,7 @@
 use super::atomic::{FileError, write_atomic};
 use super::exr_header::sort_attributes;
 use super::files::read_regular;
+use super::identity::PIXEL_ASPECT;
 use crate::film::Crop;
 use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds};
 use exr::prelude::{
@@ -220,7 +221,9 @@ pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     let mut attributes =
         LayerAttributes::default().with_position(Vec2(image.crop.x0 as i32, image.crop.y0 as i32));
     for (name, value) in &image.metadata.entries {
-        attributes.other.insert(utf8(name), to_attribute(value));
+        if name != PIXEL_ASPECT {
+            attributes.other.insert(utf8(name), to_attribute(value));
+        }
     }
     let channels = image
         .channels
@@ -250,6 +253,9 @@ pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
         blue: Vec2(0.0, 0.0),
         white: Vec2(1.0 / 3.0, 1.0 / 3.0),
     });
+    if let Some(aspect) = image.metadata.get(PIXEL_ASPECT).and_then(number) {
+        file.attributes.pixel_aspect = aspect;
+    }
     // encoded in memory: the encoder seeks, and an error of it must not leave a file
     let mut bytes = Cursor::new(Vec::new());
     file.write()
@@ -261,6 +267,16 @@ pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     sort_attributes(bytes.get_mut());
     write_atomic(path, |w| std::io::Write::write_all(w, bytes.get_ref()))?;
     Ok(())
+}
+
+/// A value as a positive number, if it is one that OpenEXR allows for pixels.
+fn number(value: &MetadataValue) -> Option<f32> {
+    let number = match value {
+        MetadataValue::Text(text) => text.parse().ok()?,
+        MetadataValue::Real(number) => *number as f32,
+        MetadataValue::Integer(_) | MetadataValue::Pair(_) => return None,
+    };
+    (1e-6..=1e6).contains(&number).then_some(number)
 }
 
 /// Reads all channels of the first layer that has samples, as 32-bit floats.

@@ -7,7 +7,7 @@ use crate::math::hash::hash_bytes;
 use crate::render::{EpsilonChoice, RadiusChoice, Render};
 use crate::scene::description::WavelengthChoice;
 use crate::scene::settings::{Merging, Regularization};
-use crate::scene::{Scene, Settings, WavelengthSettings};
+use crate::scene::{Scene, Sensor, Settings, WavelengthSettings};
 use crate::spectrum::SensorResponse;
 use std::collections::BTreeMap;
 
@@ -76,6 +76,7 @@ pub fn header(render: &Render) -> PartHeader {
     if let Some(radius) = render.radius() {
         image.extend(merging_values(&settings.merging, radius));
     }
+    image.extend(detector_values(scene, sensor));
     let named = image
         .into_iter()
         .map(|(name, value)| (name.to_owned(), value));
@@ -88,6 +89,7 @@ pub fn header(render: &Render) -> PartHeader {
         height: size.height,
         crop: [crop.x0, crop.y0, crop.x1, crop.y1],
         channels: 3,
+        exponent: scene.film_exponent,
         pilot: render.factors().map_or(0, |found| found.passes.0),
         image: BTreeMap::from_iter(named),
         passes: pass_ranges(render.passes(), settings.seed),
@@ -129,6 +131,29 @@ fn image_values(
             "unit",
             unit_name(response, is_detector(scene, sensor)).to_owned(),
         ),
+    ]
+}
+
+/// Attribute with the width of a pixel over its height, which OpenEXR has a place of its own for.
+pub const PIXEL_ASPECT: &str = "pixelAspectRatio";
+
+/// Attributes of a detector's image: its size in the world, and that of its pixels.
+fn detector_values(scene: &Scene, sensor: usize) -> Values {
+    let Sensor {
+        camera, shutter, ..
+    } = &scene.sensors[sensor];
+    if camera.as_detector().is_none() {
+        return Vec::new();
+    }
+    // a detector is the image of the square -1..1
+    let map = camera.transform().at(shutter.open_s).to_world.matrix3;
+    let (width, height) = (2.0 * map.x_axis.length(), 2.0 * map.y_axis.length());
+    let size = camera.resolution().size();
+    let (x, y) = (width / size.x, height / size.y);
+    vec![
+        ("detectorSize", format!("{width} x {height} m")),
+        ("pixelPitch", format!("{x} x {y} m")),
+        (PIXEL_ASPECT, format!("{}", x / y)),
     ]
 }
 

@@ -24,7 +24,8 @@ pub fn of(render: &Render) -> ExrImage {
 pub fn of_part(part: &Part) -> Result<ExrImage, AddSumsError> {
     let header = &part.header;
     // nothing is splatted any more: the filter does not matter
-    let mut film = Film::new(header.crop(), Filter::Box, header.channels as usize);
+    let film = Film::new(header.crop(), Filter::Box, header.channels as usize);
+    let mut film = film.with_exponent(header.exponent);
     film.add_sums(&part.sums)?;
     Ok(xyz_image(&film, header))
 }

@@ -58,6 +58,13 @@ impl ByteHash {
 
     /// Adds the next bytes.
     pub fn add(&mut self, mut bytes: &[u8]) {
+        if self.filled == 0 {
+            let (words, rest) = bytes.as_chunks();
+            for word in words {
+                self.hash = combine(self.hash, u64::from_le_bytes(*word));
+            }
+            bytes = rest;
+        }
         while !bytes.is_empty() {
             let (now, rest) = bytes.split_at(bytes.len().min(8 - self.filled));
             self.word[self.filled..self.filled + now.len()].copy_from_slice(now);

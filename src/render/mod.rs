@@ -88,7 +88,8 @@ impl Render {
         request: &OutputRequest,
         pilot: PilotPasses,
     ) -> Self {
-        let outputs = Outputs::new(request, crop, scene.sensors[sensor].filter);
+        let filter = scene.sensors[sensor].filter;
+        let outputs = Outputs::new(request, crop, filter, scene.film_exponent);
         let frame = frame(scene, sensor, settings, &crop, request);
         let epsilon = frame
             .regularization
@@ -328,7 +329,7 @@ impl Render {
     /// Films as those of this render, without a pass.
     fn empty_outputs(&self) -> Outputs {
         let filter = self.scene.sensors[self.sensor].filter;
-        Outputs::new(&self.request, self.crop, filter)
+        Outputs::new(&self.request, self.crop, filter, self.scene.film_exponent)
     }
 
     /// Counts a whole pass, which the films hold.

@@ -58,13 +58,14 @@ pub struct Outputs {
     pub shares: Option<[Film; 2]>,
     crop: Crop,
     filter: Filter,
+    exponent: i32,
 }
 
 impl Outputs {
-    /// Empty images.
+    /// Empty images whose sums have this exponent ([`Film::with_exponent`]).
     #[must_use]
-    pub fn new(request: &OutputRequest, crop: Crop, filter: Filter) -> Self {
-        let film = |channels| Film::new(crop, filter, channels);
+    pub fn new(request: &OutputRequest, crop: Crop, filter: Filter, exponent: i32) -> Self {
+        let film = |channels| Film::new(crop, filter, channels).with_exponent(exponent);
         Self {
             response: request.response,
             image: film(3),
@@ -81,6 +82,7 @@ impl Outputs {
             shares: request.shares.then(|| [film(3), film(3)]),
             crop,
             filter,
+            exponent,
         }
     }
 
@@ -133,12 +135,12 @@ impl Outputs {
         if let (Some((_, ours)), Some((_, theirs))) = (&mut self.spectral, &mut other.spectral) {
             ours.take(theirs);
         }
-        let (crop, filter) = (self.crop, self.filter);
+        let (crop, filter, exponent) = (self.crop, self.filter, self.exponent);
         if let (Some(ours), Some(theirs)) = (&mut self.strategies, &mut other.strategies) {
             let ours = ours.get_mut().unwrap_or_else(PoisonError::into_inner);
             let theirs = theirs.get_mut().unwrap_or_else(PoisonError::into_inner);
             for (key, film) in theirs {
-                let empty = || Film::new(crop, filter, 3);
+                let empty = || Film::new(crop, filter, 3).with_exponent(exponent);
                 ours.entry(*key).or_insert_with(empty).take(film);
             }
         }
@@ -174,7 +176,7 @@ impl Outputs {
         let mut films = strategies.write().unwrap_or_else(PoisonError::into_inner);
         let film = films
             .entry(key)
-            .or_insert_with(|| Film::new(self.crop, self.filter, 3));
+            .or_insert_with(|| Film::new(self.crop, self.filter, 3).with_exponent(self.exponent));
         add(film, contribution.target, pixel, half, xyz);
     }
 }

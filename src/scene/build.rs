@@ -2,13 +2,13 @@
 //! of paths.
 
 mod enclosures;
+mod power;
 mod surroundings;
 
 use super::albedo::albedo_tables;
 use super::chains::Chains;
 use super::description::{
     LightDescription, ObjectDescription, SceneDescription, SensorDescription, WavelengthChoice,
-    WavelengthSettings,
 };
 use super::effects::find_effects;
 use super::probe::stack_at;
@@ -24,9 +24,10 @@ use crate::light::selection::LightSelection;
 use crate::light::{Light, LightId};
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, MediumId, MediumStack};
-use crate::spectrum::{Emission, WavelengthDistribution};
+use crate::spectrum::Emission;
 use enclosures::Enclosures;
 use glam::{DVec2, DVec3};
+use power::distribution;
 use std::collections::HashMap;
 use std::fmt;
 use std::sync::Arc;
@@ -207,6 +208,7 @@ impl Scene {
         let fluxes = builder.fluxes(&accel, &moments);
         let powers = builder.powers(&fluxes, description.wavelengths.range_nm)?;
         builder.enclosures = Enclosures::new(&accel, &builder.objects);
+        let film_exponent = builder.film_exponent(&accel, &fluxes, &powers);
         let light_stacks = builder.light_stacks(&accel, &moments)?;
         builder.sensor_stacks(&accel, &moments)?;
 
@@ -246,6 +248,7 @@ impl Scene {
             chains: Chains::default(),
             contacts,
             notes,
+            film_exponent,
             hash: description.hash,
         };
         scene.effects = find_effects(&scene);
@@ -448,35 +451,6 @@ impl Builder {
         next
     }
 
-    /// The mean flux of each light per unit of its emission, over the moments.
-    fn fluxes(&self, accel: &Accel, moments: &Moments) -> Vec<f64> {
-        let mean_flux = |light: &Light| {
-            let fluxes = moments.all.iter().map(|&t| light.flux_factor(&accel.at(t)));
-            fluxes.sum::<f64>() / moments.all.len() as f64
-        };
-        self.lights.iter().map(mean_flux).collect()
-    }
-
-    /// The power of each light by which it is chosen, over the working range.
-    fn powers(&self, fluxes: &[f64], range_nm: [f64; 2]) -> Result<Vec<f64>, BuildError> {
-        let mut powers = Vec::with_capacity(fluxes.len());
-        let mut known: Option<(&Emission, f64)> = None;
-        for (light, flux) in self.lights.iter().zip(fluxes) {
-            // many lights are often alike
-            let same = known.filter(|(emission, _)| **emission == light.emission);
-            let power = same.map_or_else(
-                || light.emission.sampling_power(range_nm),
-                |(_, power)| power,
-            );
-            known = Some((&light.emission, power));
-            powers.push(flux * power);
-        }
-        if !powers.iter().any(|&p| p > 0.0) {
-            return Err(BuildError::NoLight);
-        }
-        Ok(powers)
-    }
-
     /// The solids each light is in.
     fn light_stacks(
         &self,
@@ -598,32 +572,6 @@ impl Samplers {
         };
         let sampler = self.0.entry(mesh);
         sampler.or_insert_with(|| AreaSampler::new(shape)).clone()
-    }
-}
-
-/// The distribution of wavelengths for these lights.
-fn distribution(
-    settings: &WavelengthSettings,
-    lights: &[Light],
-    fluxes: &[f64],
-) -> WavelengthDistribution {
-    if let WavelengthChoice::Lines(lines) = &settings.choice {
-        return WavelengthDistribution::lines(lines);
-    }
-    let emitters: Vec<(Emission, f64)> = lights
-        .iter()
-        .zip(fluxes)
-        .map(|(light, &flux)| (light.emission.clone(), flux))
-        .collect();
-    let scene = WavelengthDistribution::scene(&emitters, settings.range_nm);
-    match &settings.choice {
-        WavelengthChoice::Uniform => {
-            WavelengthDistribution::uniform(settings.range_nm).with_atoms_of(&scene)
-        }
-        WavelengthChoice::Visible => {
-            WavelengthDistribution::visible(settings.range_nm).with_atoms_of(&scene)
-        }
-        _ => scene,
     }
 }
 

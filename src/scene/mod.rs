@@ -140,6 +140,9 @@ pub struct Scene {
     pub contacts: Vec<Contact>,
     /// Notes on what was put right when the scene was built.
     pub notes: Vec<String>,
+    /// Power of two about which the values of its films lie; 0 but for extremely bright or dim
+    /// lights.
+    pub film_exponent: i32,
     /// Hash of the scene file and the files it refers to.
     pub hash: u64,
 }

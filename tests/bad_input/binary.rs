@@ -41,6 +41,7 @@ pub fn valid_part() -> Vec<u8> {
         height: 2,
         crop: [0, 0, 4, 2],
         channels: 3,
+        exponent: 0,
         pilot: 0,
         passes: vec![part::PassRange {
             seed: 0,
@@ -138,6 +139,10 @@ fn damaged_parts() {
         (
             with_header("\"channels\":3", "\"channels\":0"),
             "the number of channels is not 1 to 4096",
+        ),
+        (
+            with_header("\"exponent\":0", "\"exponent\":9999"),
+            "the exponent of the sums is not -512 to 512",
         ),
         (
             with_header("\"end\":4", "\"end\":0"),

@@ -317,3 +317,74 @@ fn black_images_are_told_of() {
     let output = super::run(dir.path(), "render scene.toml -q --spp 2");
     assert_eq!(text(&output.stderr), "");
 }
+
+/// What cannot be printed is an error, and costs no file.
+#[test]
+#[cfg(target_os = "linux")]
+fn results_that_cannot_be_printed_are_an_error() {
+    let dir = folder();
+    let full = || std::fs::File::create("/dev/full").expect("opens");
+    for arguments in [
+        "info scene.toml",
+        "keys",
+        "glass N-BK7",
+        "render scene.toml --spp 2",
+    ] {
+        let output = command(dir.path(), arguments).stdout(full()).output();
+        let output = output.expect("runs");
+        assert_eq!(output.status.code(), Some(1), "{arguments}");
+        let message = text(&output.stderr);
+        let expected = "error: standard output: No space left on device (os error 28)\n";
+        assert_eq!(message, expected, "{arguments}");
+    }
+    abbe::io::exr::read(&dir.path().join("scene.exr")).expect("an image");
+    // a reader that has gone
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let output = command(dir.path(), "keys").stdout(writer).output();
+    let output = output.expect("runs");
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(text(&output.stderr), "");
+}
+
+#[test]
+fn a_study_does_not_write_over_what_it_reads() {
+    let dir = folder();
+    std::fs::write(dir.path().join("cost.csv"), "400,1\n700,1\n").expect("writes");
+    let scene = SCENE.replace("emission = 5.0", "emission = { file = \"cost.csv\" }");
+    std::fs::write(dir.path().join("scene.toml"), scene).expect("writes");
+    let message = fail(dir.path(), "cost scene.toml --spp 2 -o .", 1);
+    assert!(
+        message.contains("cost.csv: is read by this command and in the folder that it writes to"),
+        "{message}"
+    );
+    assert_eq!(bytes(&dir, "cost.csv"), b"400,1\n700,1\n");
+}
+
+#[test]
+fn images_of_detectors_say_how_large_they_are() {
+    let dir = folder();
+    let detector = "[[sensor]]\nname = \"screen\"\nresolution = [20, 5]\n\
+                    detector = { center = [0, 0, 2], u = [0.5, 0, 0], v = [0, 0.25, 0] }\n";
+    let scene = format!("{SCENE}{detector}");
+    std::fs::write(dir.path().join("scene.toml"), scene).expect("writes");
+    succeed(
+        dir.path(),
+        "render scene.toml -q --spp 1 --sensor screen -o a.exr --part a.part",
+    );
+    succeed(dir.path(), "merge a.part -q -o b.exr");
+    super::assert_same(&dir, "a.exr", "b.exr");
+    let file = bytes(&dir, "a.exr");
+    let image = abbe::io::exr::read(&dir.path().join("a.exr")).expect("reads");
+    let text = |name| image.metadata.get(name).cloned();
+    let value = |text: &str| Some(abbe::io::exr::MetadataValue::Text(text.to_owned()));
+    assert_eq!(text("detectorSize"), value("1 x 0.5 m"));
+    assert_eq!(text("pixelPitch"), value("0.05 x 0.1 m"));
+    let name = b"pixelAspectRatio\0float\0\x04\0\0\0";
+    let at = file
+        .windows(name.len())
+        .position(|w| w == name)
+        .expect("there")
+        + name.len();
+    assert_eq!(file[at..at + 4], 0.5_f32.to_le_bytes());
+}

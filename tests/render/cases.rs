@@ -54,6 +54,25 @@ fn notes(case: &str, file: &str) -> Vec<String> {
 }
 
 #[test]
+fn a_solid_that_is_inside_out_is_turned_and_named() {
+    let picture = |obj| picture("inward-solid", "scene.toml", ("outward.obj", obj), 16);
+    let (outward, inward) = (picture("outward.obj"), picture("inward.obj"));
+    assert!(mean(&outward) > 0.1);
+    // the order of corners is another, and with it the numbers of the last digit
+    near("Y", mean(&inward), mean(&outward), 1e-3 * mean(&outward));
+    let folder = folder("inward-solid");
+    let text = std::fs::read_to_string(folder.join("scene.toml")).expect("the case has it");
+    let loaded = parse_str(&text.replace("outward", "inward"), &folder).expect("valid");
+    let scene = Scene::build(loaded.description).expect("a scene");
+    let note = "object \"wedge\": its mesh is inside out";
+    assert!(
+        scene.notes.iter().any(|n| n.starts_with(note)),
+        "{:?}",
+        scene.notes
+    );
+}
+
+#[test]
 fn panes_of_mtl_let_through_what_their_statements_say() {
     for (case, own, file, expected) in [
         ("mtl-statements", "halo.obj", "halo.obj", 0.4),

@@ -134,6 +134,7 @@ fn merged_parts_equal_one_run() {
             height: crop.y1,
             crop: [crop.x0, crop.y0, crop.x1, crop.y1],
             channels: 3,
+            exponent: 0,
             pilot: 0,
             image: BTreeMap::new(),
             passes: vec![range],

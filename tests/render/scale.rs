@@ -14,8 +14,9 @@
 use super::harness::full_crop;
 use abbe::film::Film;
 use abbe::io::scene_file::parse_str;
-use abbe::render::{OutputRequest, Render};
-use abbe::scene::Scene;
+use abbe::io::{image, part};
+use abbe::render::{OutputRequest, Render, Session, SessionOptions};
+use abbe::scene::{Scene, Settings};
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -187,4 +188,61 @@ fn in_parallel_projection() {
 #[test]
 fn on_a_detector() {
     check(Sensor::Detector);
+}
+
+/// A lamp and a wall, in the unit `k` of radiance.
+fn lit(k: f64, light: &str) -> Arc<Scene> {
+    let text = format!(
+        "[[sensor]]\nresolution = [12, 8]\nperspective = {{ eye = [0, 1, 4], target = [0, 0.6, 0], fov_deg = 45 }}\n\
+         [material.white]\ndiffuse = {{ reflectance = 0.7 }}\n\
+         [[object]]\nquad = {{ center = [0, 0, 0], u = [0, 0, 3], v = [3, 0, 0] }}\nmaterial = \"white\"\n\
+         {}",
+        light.replace("POWER", &format!("{k:e}"))
+    );
+    let loaded = parse_str(&text, Path::new("/nonexistent")).unwrap_or_else(|e| panic!("{e}"));
+    Arc::new(Scene::build(loaded.description).unwrap())
+}
+
+/// No light is too bright or too dim for the sums of a film.
+#[test]
+fn extreme_lights_have_an_exponent() {
+    let lamp = "[[object]]\nquad = { center = [0, 2, 0], u = [0.3, 0, 0], v = [0, 0, 0.3] }\nemission = POWER\n";
+    let point = "[[light]]\npoint = { position = [0, 2, 0], intensity = POWER }\n";
+    for light in [lamp, point] {
+        let rendered = |k: f64| {
+            let scene = lit(k, light);
+            let options = SessionOptions {
+                passes: Some(0..4),
+                ..SessionOptions::default()
+            };
+            let exponent = scene.film_exponent;
+            let mut session = Session::new(scene, &Settings::default(), options).unwrap();
+            session.run();
+            let part = part::of(&session);
+            let render = session.render();
+            let rejected = render.outputs().image.rejected();
+            assert_eq!((rejected.saturated, rejected.not_finite), (0, 0), "{k:e}");
+            let image = image::of(&render);
+            assert!(image::of_part(&part).unwrap() == image, "{k:e}");
+            (exponent, part.sums, image.xyz().unwrap())
+        };
+        let (exponent, sums, plain) = rendered(1.0);
+        assert_eq!(exponent, 0);
+        assert!(sums.iter().any(|s| *s > 0));
+        // powers of two change no rounding
+        for power in [-90, 90] {
+            let k = 2.0_f64.powi(power);
+            let (exponent, scaled, image) = rendered(k);
+            assert!((exponent - power).abs() < 20, "{exponent}");
+            let value = |s: &i128| *s as f64 * 2.0_f64.powi(exponent - power);
+            let near = |(a, b): (&i128, &i128)| {
+                // what is rounded away is less than a unit for each sample
+                (*a as f64 - value(b)).abs()
+                    <= 1e-12 * *a as f64 + 64.0 * 2.0_f64.powi(exponent - power).max(1.0)
+            };
+            assert!(sums.iter().zip(&scaled).all(near), "2^{power}");
+            let near = |(a, b): (&f64, &f64)| (a * k - b).abs() <= 1e-6 * b;
+            assert!(plain.iter().zip(&image).all(near), "2^{power}");
+        }
+    }
 }

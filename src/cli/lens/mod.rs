@@ -119,7 +119,7 @@ pub fn run(options: &LensOptions) -> Result<Outcome, CliError> {
         claims.output(path)?;
     }
     let report = report::Report::new(&lens);
-    print(&if options.json {
+    let printed = print(&if options.json {
         report.json()
     } else {
         report.table()
@@ -133,5 +133,5 @@ pub fn run(options: &LensOptions) -> Result<Outcome, CliError> {
     if let Some(path) = &options.fans {
         write(path, &plots::fans(&lens))?;
     }
-    Ok(Outcome::Done)
+    printed.map(|()| Outcome::Done)
 }

@@ -25,6 +25,8 @@ pub fn decode(bytes: &[u8], encoding: Encoding, limits: Limits) -> Result<Decode
         .ok_or_else(|| "too large a PNG image".to_owned())?;
     let mut buffer = vec![0; size];
     let frame = reader.next_frame(&mut buffer).map_err(text)?;
+    // a file that is cut behind its texels is cut short as well
+    reader.finish().map_err(text)?;
     let statement = match encoding {
         Encoding::Stated => statement(reader.info())?,
         Encoding::Srgb | Encoding::Linear => Statement::Srgb,
@@ -238,6 +240,12 @@ mod tests {
         let mut flipped = valid.clone();
         flipped[data + 8] ^= 4;
         assert!(read(&flipped, Encoding::Stated).is_err());
-        assert!(read(&valid[..data + 6], Encoding::Stated).is_err());
+        // also where all texels are there
+        for length in 0..valid.len() {
+            assert!(
+                read(&valid[..length], Encoding::Stated).is_err(),
+                "cut to {length}"
+            );
+        }
     }
 }

@@ -62,6 +62,7 @@ fn check_same(a: &PartHeader, b: &PartHeader) -> Result<(), PartError> {
     )?;
     differ("crop", format!("{:?}", a.crop), format!("{:?}", b.crop))?;
     differ("channels", a.channels.to_string(), b.channels.to_string())?;
+    differ("exponent", a.exponent.to_string(), b.exponent.to_string())?;
     differ(
         "passes of the pilot",
         a.pilot.to_string(),

@@ -54,6 +54,8 @@ pub struct PartHeader {
     pub crop: [u32; 4],
     /// Channels per pixel.
     pub channels: u32,
+    /// The sums count multiples of 2^(exponent − 64).
+    pub exponent: i32,
     /// Passes per group of the pilot that found the variance factors of the weights; 0: by rule, or
     /// none.
     pub pilot: u32,
@@ -107,6 +109,9 @@ impl PartHeader {
         }
         if self.channels == 0 || self.channels > MAX_CHANNELS {
             return Err("the number of channels is not 1 to 4096");
+        }
+        if !(-512..=512).contains(&self.exponent) {
+            return Err("the exponent of the sums is not -512 to 512");
         }
         if self.passes.iter().any(|p| p.start >= p.end) {
             return Err("a range of passes is empty");

@@ -24,6 +24,7 @@ fn part(seed: u64, start: u64, end: u64, value: i128) -> Part {
         height: 3,
         crop: [1, 0, 3, 2],
         channels: 3,
+        exponent: 0,
         pilot: 0,
         image: BTreeMap::from([("integrator".to_owned(), "bdpt".to_owned())]),
         passes: vec![PassRange { seed, start, end }],

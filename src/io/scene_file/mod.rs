@@ -85,6 +85,9 @@ impl Places {
     }
 }
 
+/// Length of a text in bytes up to which it is asked whether it is TOML.
+const MOST_ASKED: usize = 1 << 20;
+
 /// Reads a scene file, or a model as the scene it makes by itself, with `overrides` (dotted key,
 /// value) applied.
 ///
@@ -102,9 +105,8 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedScene, 
         None => {
             let text = read_scene_text(path).map_err(whole)?;
             read_str(&text, &name, folder(path), overrides).map_err(|errors| {
-                let is_toml = text.parse::<toml::Table>().is_ok();
                 let named = path.extension().is_none_or(|e| e == "toml");
-                if is_toml || named {
+                if named || text.len() > MOST_ASKED || text.parse::<toml::Table>().is_ok() {
                     return errors;
                 }
                 let message = "is no scene file (TOML), and its ending is none of a model's \

@@ -60,6 +60,9 @@ pub struct Request {
     pub probe: Option<[u32; 2]>,
 }
 
+/// Endings of the files of a study.
+const WRITTEN: [&str; 5] = ["csv", "exr", "html", "json", "svg"];
+
 /// A step of a study that is done.
 #[derive(Debug)]
 pub enum Event<'a> {
@@ -151,6 +154,7 @@ impl Study {
             });
         }
         let folder = &request.folder;
+        spare_inputs(folder, loaded.files.iter().chain(&request.reference))?;
         std::fs::create_dir_all(folder).map_err(|e| FileError::new(folder, e))?;
         Ok(Self {
             request,
@@ -341,6 +345,32 @@ impl Study {
         write(PAGE, &page::page(report, folder, reference, strategies)?)?;
         Ok(())
     }
+}
+
+/// Refuses a folder in which what is read has a name that a study might write.
+fn spare_inputs<'a>(
+    folder: &Path,
+    inputs: impl Iterator<Item = &'a PathBuf>,
+) -> Result<(), ReportError> {
+    let Ok(folder) = folder.canonicalize() else {
+        // it is not there yet
+        return Ok(());
+    };
+    for input in inputs {
+        let Ok(file) = input.canonicalize() else {
+            continue;
+        };
+        let ending = file.extension().unwrap_or_default().to_string_lossy();
+        if file.parent() == Some(&folder) && WRITTEN.contains(&ending.to_lowercase().as_str()) {
+            return Err(ReportError::File {
+                path: input.clone(),
+                message: "is read by this command and in the folder that it writes to \
+                          (allowed: a folder of its own)"
+                    .to_owned(),
+            });
+        }
+    }
+    Ok(())
 }
 
 fn file_name(path: &Path) -> String {
