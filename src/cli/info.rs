@@ -54,8 +54,8 @@ fn effects(loaded: &Loaded) -> Vec<Effect> {
 /// Kinds of chains told.
 const TOLD_CHAINS: usize = 20;
 
-/// The chains that a render with `aim` solves for: by objects and labels (T transmits, R reflects) from the light to the
-/// sensor, with the number of kinds; nothing with `aim = "off"`.
+/// The chains that a render with `aim` solves for: by objects and labels (T transmits, R reflects)
+/// from the light to the sensor, with the number of kinds; nothing with `aim = "off"`.
 fn chains(loaded: &Loaded) -> String {
     let (scene, settings) = (&loaded.scene, &loaded.settings);
     let aims = aims(settings, scene, 0);

@@ -1,5 +1,5 @@
-//! Writing to the terminal: results to stdout, what is told meanwhile to stderr. Lines break between
-//! words where a terminal is narrower, and nothing in them controls it.
+//! Writing to the terminal: results to stdout, what is told meanwhile to stderr. Lines break
+//! between words where a terminal is narrower, and nothing in them controls it.
 
 use super::CliError;
 use console::Term;

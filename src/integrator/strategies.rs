@@ -77,8 +77,8 @@ pub fn strategies(
     }
 }
 
-/// The chains that are solved for: none with merging. By default only those that lead to where no other strategy
-/// leads well: a vertex behind what is specular seen through what is specular.
+/// The chains that are solved for: none with merging. By default only those that lead to where no
+/// other strategy leads well: a vertex behind what is specular seen through what is specular.
 #[must_use]
 pub fn aims(settings: &Settings, scene: &Scene, sensor: usize) -> Aims {
     let integrator = settings.integrator;

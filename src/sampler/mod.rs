@@ -48,7 +48,8 @@ pub enum Draw {
     Roulette(usize, usize, usize),
     /// The light that camera vertex j aims at through chains, and the point on it (two).
     AimLight(usize),
-    /// Point of the sensor that light vertex i - 1 aims at through chains: two; 0: the start of the light sub-path.
+    /// Point of the sensor that light vertex i - 1 aims at through chains: two; 0: the start of the
+    /// light sub-path.
     AimLens(usize),
 }
 

@@ -1,8 +1,8 @@
 //! Chains of smooth surfaces that can be solved for: which there are in a scene.
 //!
-//! A chain runs from the light to the sensor and names each surface, whether it reflects or transmits, and the media
-//! on both sides of it. Listed are single mirrors and interfaces, balls crossed in one or two chords, and flat faces in a
-//! row.
+//! A chain runs from the light to the sensor and names each surface, whether it reflects or
+//! transmits, and the media on both sides of it. Listed are single mirrors and interfaces, balls
+//! crossed in one or two chords, and flat faces in a row.
 
 use super::{Scene, probe};
 use crate::geometry::{AccelAt, InstanceId, Placement, Placements, Shape, SurfaceId};
@@ -182,8 +182,8 @@ impl Face {
         })
     }
 
-    /// Whether light can go from this flat face, left on the side `above`, straight to a point of another one that
-    /// meets it on the side `met_above`.
+    /// Whether light can go from this flat face, left on the side `above`, straight to a point of
+    /// another one that meets it on the side `met_above`.
     fn faces(&self, above: bool, other: &Self, met_above: bool) -> bool {
         let is_before = |from: &Self, p: &DVec3, above: bool| {
             let height = (*p - from.points[0]).dot(from.normal);

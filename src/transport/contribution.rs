@@ -32,7 +32,8 @@ pub struct Contribution {
     /// Made by photon merging: one vertex counts for both sides, s + t is one more than the
     /// vertices of the path.
     pub merged: bool,
-    /// Made by a chain solved for, between the `s` vertices from the light and the `t` from the sensor.
+    /// Made by a chain solved for, between the `s` vertices from the light and the `t` from the
+    /// sensor.
     pub aimed: bool,
     /// The light of x₀; of merged paths any.
     pub emitter: LightId,

@@ -225,7 +225,8 @@ impl PathView<'_> {
         self.light.len() + self.camera.len()
     }
 
-    /// Density with which the executed technique generated x_i; 1 for the vertices of a chain solved for.
+    /// Density with which the executed technique generated x_i; 1 for the vertices of a chain
+    /// solved for.
     #[must_use]
     pub fn generated(&self, i: usize) -> f64 {
         match self.made {

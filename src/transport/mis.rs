@@ -56,7 +56,8 @@ pub enum Technique {
     Join(usize),
     /// x_i from both sides.
     Merge(usize),
-    /// x₀ ... x_a from the light, x_b and all after it from the sensor, the chain between them solved for.
+    /// x₀ ... x_a from the light, x_b and all after it from the sensor, the chain between them
+    /// solved for.
     Bridge(usize, usize),
 }
 

@@ -36,7 +36,8 @@ pub struct Aims {
     pub sensor: bool,
     /// Starts on lights aim at the sensor.
     pub through: bool,
-    /// At lights also from vertices that the sensor sees directly: else only through what is specular.
+    /// At lights also from vertices that the sensor sees directly: else only through what is
+    /// specular.
     pub light_everywhere: bool,
     /// At the sensor also from vertices that light reaches directly.
     pub sensor_everywhere: bool,

@@ -16,6 +16,7 @@ use abbe::film::Film;
 use abbe::io::scene_file::parse_str;
 use abbe::io::{image, part};
 use abbe::render::{OutputRequest, Render, Session, SessionOptions};
+use abbe::scene::settings::Aiming;
 use abbe::scene::{Scene, Settings};
 use std::fmt::Write;
 use std::path::Path;
@@ -109,18 +110,22 @@ enum Sensor {
 }
 
 /// The sums, the image and the standard error of its Y.
-fn render(sensor: Sensor, k: f64) -> (Vec<i128>, Vec<f64>, Vec<f64>) {
+fn render(sensor: Sensor, aim: Aiming, k: f64) -> (Vec<i128>, Vec<f64>, Vec<f64>) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let loaded = parse_str(&text(sensor, k), &folder).unwrap_or_else(|e| panic!("{e}"));
     let (scene, settings) = (
         Arc::new(Scene::build(loaded.description).unwrap()),
-        loaded.settings,
+        Settings {
+            aim,
+            ..loaded.settings
+        },
     );
     let request = OutputRequest::default();
     let mut render = Render::new(&scene, 0, &settings, full_crop(&scene), &request);
     (0..PASSES).for_each(|pass| render.add_pass(pass));
     assert_eq!(render.counters().non_finite, 0);
     assert_eq!(render.counters().medium_mismatches, 0);
+    assert_eq!(render.counters().lost_bridges, 0);
     let film: &Film = &render.outputs().image;
     let half = u64::from(PASSES) / 2;
     (
@@ -130,8 +135,8 @@ fn render(sensor: Sensor, k: f64) -> (Vec<i128>, Vec<f64>, Vec<f64>) {
     )
 }
 
-fn check(sensor: Sensor) {
-    let (sums, image, errors) = render(sensor, 1.0);
+fn check(sensor: Sensor, aim: Aiming) {
+    let (sums, image, errors) = render(sensor, aim, 1.0);
     let lit = image.iter().filter(|&&v| v > 0.0).count();
     assert!(
         lit * 4 > image.len() * 3,
@@ -139,7 +144,7 @@ fn check(sensor: Sensor) {
         image.len()
     );
     for exponent in [-20, 20] {
-        let (scaled, other, _) = render(sensor, 2.0_f64.powi(exponent));
+        let (scaled, other, _) = render(sensor, aim, 2.0_f64.powi(exponent));
         let different = image.iter().zip(&other).filter(|(a, b)| a != b).count();
         assert!(
             sums == scaled,
@@ -148,7 +153,7 @@ fn check(sensor: Sensor) {
         );
     }
     for k in [1e-6, 1e6] {
-        let (_, scaled, _) = render(sensor, k);
+        let (_, scaled, _) = render(sensor, aim, k);
         // the same random numbers: few paths take another turn
         let same = image
             .iter()
@@ -177,17 +182,22 @@ fn check(sensor: Sensor) {
 
 #[test]
 fn through_a_thin_lens() {
-    check(Sensor::Lens);
+    check(Sensor::Lens, Aiming::Off);
 }
 
 #[test]
 fn in_parallel_projection() {
-    check(Sensor::Orthographic);
+    check(Sensor::Orthographic, Aiming::Off);
 }
 
 #[test]
 fn on_a_detector() {
-    check(Sensor::Detector);
+    check(Sensor::Detector, Aiming::Off);
+}
+
+#[test]
+fn through_chains_that_are_solved_for() {
+    check(Sensor::Lens, Aiming::All);
 }
 
 /// A lamp and a wall, in the unit `k` of radiance.

@@ -1,7 +1,8 @@
 //! Refraction by a sphere of one index in another.
 //!
-//! A chain lies in the plane of its ends and the center. There the impact parameter decides it, and the angle at the
-//! center that it turns by is a sum of arc sines, with one minimum at most (their derivatives, times √(r² − h²), rise).
+//! A chain lies in the plane of its ends and the center. There the impact parameter decides it, and
+//! the angle at the center that it turns by is a sum of arc sines, with one minimum at most (their
+//! derivatives, times √(r² − h²), rise).
 
 use super::roots::root;
 use super::{Far, Points};
@@ -15,8 +16,8 @@ pub(super) struct Ball {
     pub radius: f64,
 }
 
-/// Plane of a chain: the unit direction of one end, a perpendicular one, and the angle in [0, π] of the other end from
-/// the first.
+/// Plane of a chain: the unit direction of one end, a perpendicular one, and the angle in [0, π] of
+/// the other end from the first.
 struct ChainPlane {
     x: DVec3,
     y: DVec3,
@@ -24,7 +25,8 @@ struct ChainPlane {
 }
 
 impl ChainPlane {
-    /// `None` where the ends are on a common axis: there a circle of chains is possible, a set of measure 0.
+    /// `None` where the ends are on a common axis: there a circle of chains is possible, a set of
+    /// measure 0.
     fn new(first: DVec3, second: DVec3) -> Option<Self> {
         let x = first.try_normalize()?;
         let y = second.reject_from_normalized(x).try_normalize()?;
@@ -43,8 +45,9 @@ impl ChainPlane {
     }
 }
 
-/// θ − asin(k sin θ) for 0 <= k <= 1 from sine and cosine of θ in [0, π/2], and its derivative by θ. `rest` is 1 − k².
-/// Without the difference of near-equal angles that an end near the surface would make of it.
+/// θ − asin(k sin θ) for 0 <= k <= 1 from sine and cosine of θ in [0, π/2], and its derivative by
+/// θ. `rest` is 1 − k². Without the difference of near-equal angles that an end near the surface
+/// would make of it.
 pub(super) fn lean((s, c): (f64, f64), k: f64, rest: f64) -> (f64, f64) {
     let cos = (rest + k * k * c * c).sqrt();
     let sine = s * rest / (cos + k * c);
@@ -64,8 +67,8 @@ impl Ball {
         }
     }
 
-    /// Every chain that enters the ball of relative index `n` > 1, crosses it in `chords` chords (with a reflection
-    /// between two) and leaves it. Both ends are outside.
+    /// Every chain that enters the ball of relative index `n` > 1, crosses it in `chords` chords
+    /// (with a reflection between two) and leaves it. Both ends are outside.
     pub fn across(
         &self,
         n: f64,
@@ -132,7 +135,8 @@ impl Ball {
         }
     }
 
-    /// Every chain that leaves the ball of relative index `n` once, between a point inside and an end outside.
+    /// Every chain that leaves the ball of relative index `n` once, between a point inside and an
+    /// end outside.
     pub fn through(&self, n: f64, inside: DVec3, outside: &Far, mut found: impl FnMut(&Points)) {
         let (v_b, k_b, rest_b) = self.relative(outside);
         let v_a = inside - self.center;
@@ -155,7 +159,8 @@ impl Ball {
         } else {
             (1.0 / (n * a)).asin()
         };
-        // `beta`: between the ray at the inner point and the radius there, outward or (`back`) inward
+        // `beta`: between the ray at the inner point and the radius there, outward or (`back`)
+        // inward
         let inner = |beta: f64, back: bool| {
             let (s, c) = beta.sin_cos();
             if back {

@@ -1,9 +1,10 @@
 //! Reflection off mirrors whose cross-section is a circle: Alhazen's problem.
 //!
-//! On the unit circle, with the ends A and B as complex numbers, P = e^{iφ} reflects A to B (or lies on a straight line
-//! between them) where Im((A − P)(B − P) P̄²) = 0. That is Im(AB e^{−2iφ} − (A + B) e^{−iφ}) = 0, a quartic in tan(φ/2)
-//! with at most four roots. An end at infinity in direction a leaves Im(aB e^{−2iφ} − a e^{−iφ}). Off the outside the
-//! angle of reflection θ alone decides: what both ends turn by, θ − asin(sin θ/|A|), rises with it.
+//! On the unit circle, with the ends A and B as complex numbers, P = e^{iφ} reflects A to B (or
+//! lies on a straight line between them) where Im((A − P)(B − P) P̄²) = 0. That is Im(AB e^{−2iφ} −
+//! (A + B) e^{−iφ}) = 0, a quartic in tan(φ/2) with at most four roots. An end at infinity in
+//! direction a leaves Im(aB e^{−2iφ} − a e^{−iφ}). Off the outside the angle of reflection θ alone
+//! decides: what both ends turn by, θ − asin(sin θ/|A|), rises with it.
 
 use super::ball::lean;
 use super::roots::{polynomial_roots, root};
@@ -32,7 +33,8 @@ struct FlatEnd {
 }
 
 impl FlatEnd {
-    /// Sine of the angle at point `p` of the circle between its normal and the end, and the derivative by the angle of `p`.
+    /// Sine of the angle at point `p` of the circle between its normal and the end, and the
+    /// derivative by the angle of `p`.
     fn sine(self, p: DVec2) -> (f64, f64) {
         let t = p.perp();
         if self.is_infinite {
@@ -79,8 +81,8 @@ fn outside(far: FlatEnd, to: DVec2) -> Option<DVec2> {
     Some(far.at.normalize().rotate(turn(angle * gamma.signum())))
 }
 
-/// The points of the unit circle at which the normal halves the angle between the ends or is perpendicular to the line
-/// between them: those of reflection are among them.
+/// The points of the unit circle at which the normal halves the angle between the ends or is
+/// perpendicular to the line between them: those of reflection are among them.
 fn stationary(far: FlatEnd, to: DVec2, mut found: impl FnMut(DVec2)) {
     let FlatEnd {
         at: far_at,
@@ -132,7 +134,8 @@ fn stationary(far: FlatEnd, to: DVec2, mut found: impl FnMut(DVec2)) {
     }
 }
 
-/// Calls `found` with every candidate for a reflection off a sphere or cylinder, from outside or inside.
+/// Calls `found` with every candidate for a reflection off a sphere or cylinder, from outside or
+/// inside.
 pub(super) fn solve(bounce: &Bounce, far: &Far, to: DVec3, mut found: impl FnMut(&Points)) {
     let candidates = |far: FlatEnd, to: DVec2, each: &mut dyn FnMut(DVec2)| {
         if bounce.from_above {

@@ -1,6 +1,7 @@
 //! Ray differentials through a chain: the solid angle at one end per area at the other.
 //!
-//! Igehy, "Tracing Ray Differentials" (1999), with the shape operator of the surface for the change of its normal.
+//! Igehy, "Tracing Ray Differentials" (1999), with the shape operator of the surface for the change
+//! of its normal.
 
 use super::{Bounce, Far};
 use glam::DVec3;
@@ -55,9 +56,10 @@ impl Differential {
     }
 }
 
-/// `|dω_b/dA_a|` with the area perpendicular to the chain's segment at x_a: solid angle at x_b = `to` per area at x_a =
-/// `far` through the chain; per solid angle where x_a is infinitely far away. Steradians per square metre. Not finite
-/// where the chain is on a fold. [theory (9.2), (9.3)]
+/// `|dω_b/dA_a|` with the area perpendicular to the chain's segment at x_a: solid angle at x_b =
+/// `to` per area at x_a = `far` through the chain; per solid angle where x_a is infinitely far
+/// away. Steradians per square metre. Not finite where the chain is on a fold. [theory (9.2),
+/// (9.3)]
 #[must_use]
 pub fn jacobian(bounces: &[Bounce], points: &[DVec3], eta: &[f64], far: &Far, to: DVec3) -> f64 {
     let m = points.len();

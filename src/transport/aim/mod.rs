@@ -1,13 +1,14 @@
 //! Aimed connections: the specular chains between two end points, solved.
 //!
-//! A chain is a list of smooth surfaces, each of which reflects or transmits, with the indices of the segments between
-//! them. The solvers here are functions of that, the end points and the placements alone: no random numbers, no
-//! visibility, no bounds of facets. All are *complete*: they find every chain there is, so that whoever meets a chain on a
-//! path made otherwise knows that its solver would have found it.
+//! A chain is a list of smooth surfaces, each of which reflects or transmits, with the indices of
+//! the segments between them. The solvers here are functions of that, the end points and the
+//! placements alone: no random numbers, no visibility, no bounds of facets. All are *complete*:
+//! they find every chain there is, so that whoever meets a chain on a path made otherwise knows
+//! that its solver would have found it.
 //!
-//! Planes: Fermat's path length is convex in the positions on them. Spheres: a chain lies in the plane of its end
-//! points and the center, where one number decides it. Mirrors that are circles in cross-section: Alhazen's problem, a
-//! quartic.
+//! Planes: Fermat's path length is convex in the positions on them. Spheres: a chain lies in the
+//! plane of its end points and the center, where one number decides it. Mirrors that are circles in
+//! cross-section: Alhazen's problem, a quartic.
 
 pub mod ball;
 pub mod circle;
@@ -81,8 +82,8 @@ impl Bounce {
     }
 }
 
-/// Whether there is a solver for the shapes and labels of a chain, at the indices `eta` of its segments from the light
-/// to the sensor (one more than vertices).
+/// Whether there is a solver for the shapes and labels of a chain, at the indices `eta` of its
+/// segments from the light to the sensor (one more than vertices).
 #[must_use]
 pub fn is_solvable(bounces: &[Bounce], eta: &[f64]) -> bool {
     debug_assert_eq!(eta.len(), bounces.len() + 1);
@@ -114,8 +115,8 @@ pub fn is_solvable(bounces: &[Bounce], eta: &[f64]) -> bool {
     }
 }
 
-/// Calls `found` with every chain between `far` and `to`. Facets are as large as their planes; whether a chain lies on
-/// them is for the caller to see. Nothing where [`is_solvable`] says no.
+/// Calls `found` with every chain between `far` and `to`. Facets are as large as their planes;
+/// whether a chain lies on them is for the caller to see. Nothing where [`is_solvable`] says no.
 pub fn solve(
     bounces: &[Bounce],
     eta: &[f64],

@@ -8,8 +8,8 @@ use glam::DVec3;
 const SIMILAR: f64 = 1e-12;
 
 impl Surface {
-    /// Face `prim` of an instance under `placement` at `time` (seconds); `None` where its shape is none of these: a
-    /// sphere or cylinder scaled out of round, a mesh.
+    /// Face `prim` of an instance under `placement` at `time` (seconds); `None` where its shape is
+    /// none of these: a sphere or cylinder scaled out of round, a mesh.
     #[must_use]
     pub fn of(instance: &Instance, prim: u32, placement: &Placement) -> Option<Self> {
         let to_world = placement.to_world;
@@ -50,7 +50,8 @@ impl Surface {
     }
 }
 
-/// Whether a point of the surface lies on face `id.prim` of the instance, which may be smaller than the surface.
+/// Whether a point of the surface lies on face `id.prim` of the instance, which may be smaller than
+/// the surface.
 #[must_use]
 pub fn is_on_face(instance: &Instance, id: SurfaceId, placement: &Placement, p: DVec3) -> bool {
     let q = placement.to_object.transform_point3(p);

@@ -1,8 +1,8 @@
 //! Any number of planes in a row, reflecting and transmitting.
 //!
-//! The optical path length Σ η_i |x_{i+1} − x_i| is convex in the positions on the planes (norms of affine maps), so
-//! that it has one stationary point at most, and Fermat's principle says that this is the chain. Damped Newton steps
-//! find it.
+//! The optical path length Σ η_i |x_{i+1} − x_i| is convex in the positions on the planes (norms of
+//! affine maps), so that it has one stationary point at most, and Fermat's principle says that this
+//! is the chain. Damped Newton steps find it.
 
 use super::surface::Surface;
 use super::{Bounce, Far, MAX_CHAIN, Points};
@@ -12,7 +12,8 @@ use glam::{DMat3, DVec3};
 const MOST: usize = 2 * MAX_CHAIN;
 /// Newton steps.
 const MOST_STEPS: usize = 100;
-/// So many times farther away than anything, there is no chain: total reflection of light from infinity.
+/// So many times farther away than anything, there is no chain: total reflection of light from
+/// infinity.
 const LOST: f64 = 1e8;
 
 /// Smoothing of lengths, of the size of everything, where they have kinks.
@@ -60,7 +61,8 @@ pub(super) fn solve(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3) -> Op
     let mut z = [0.0; MOST];
     let mut points = problem.descend(&mut z);
     if points.is_none() {
-        // caught at a kink, where planes meet: from lengths without kinks step by step to the true ones
+        // caught at a kink, where planes meet: from lengths without kinks step by step to the true
+        // ones
         let size = problem.size(&problem.origins);
         z = [0.0; MOST];
         for share in SMOOTHINGS {
@@ -211,8 +213,8 @@ fn outer(u: DVec3) -> DMat3 {
     DMat3::from_cols(u * u.x, u * u.y, u * u.z)
 }
 
-/// Solves `a x = b` of the first `n` unknowns for a symmetric positive definite `a` (Cholesky), `b` becoming x. `false`
-/// where it is none.
+/// Solves `a x = b` of the first `n` unknowns for a symmetric positive definite `a` (Cholesky), `b`
+/// becoming x. `false` where it is none.
 fn solve_positive(a: &mut [[f64; MOST]; MOST], b: &mut [f64; MOST], n: usize) -> bool {
     for j in 0..n {
         for k in 0..j {
@@ -242,9 +244,10 @@ fn solve_positive(a: &mut [[f64; MOST]; MOST], b: &mut [f64; MOST], n: usize) ->
     true
 }
 
-/// Whether the shortest optical path over two planes leads over the edge where they meet: then it is no chain, and there
-/// is none. There the path is shortest along the edge, and what the segment between the planes would have to carry on
-/// (its index times its direction) is shorter than its index.
+/// Whether the shortest optical path over two planes leads over the edge where they meet: then it
+/// is no chain, and there is none. There the path is shortest along the edge, and what the segment
+/// between the planes would have to carry on (its index times its direction) is shorter than its
+/// index.
 fn is_shortest_over_edge(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3) -> bool {
     let [
         Surface::Plane {

@@ -3,8 +3,9 @@
 /// Halvings and steps until a bracket is as narrow as rounding.
 const MOST_STEPS: usize = 200;
 
-/// The root in `[low, high]` of a function with values of opposite signs there (or 0); `f` gives value and derivative.
-/// Newton's step where it stays inside the bracket and shrinks, else the middle. `None` where the signs agree.
+/// The root in `[low, high]` of a function with values of opposite signs there (or 0); `f` gives
+/// value and derivative. Newton's step where it stays inside the bracket and shrinks, else the
+/// middle. `None` where the signs agree.
 pub(super) fn root(f: impl Fn(f64) -> (f64, f64), low: f64, high: f64) -> Option<f64> {
     let (mut a, mut b) = (low, high);
     let (fa, fb) = (f(a).0, f(b).0);
@@ -45,8 +46,8 @@ pub(super) fn root(f: impl Fn(f64) -> (f64, f64), low: f64, high: f64) -> Option
     Some(x)
 }
 
-/// Appends the real roots of Σ c_i x^i, of degree up to 4 with `c[degree]` not 0, in order. Between the roots of the
-/// derivative the polynomial is monotone. A double root may be missed.
+/// Appends the real roots of Σ c_i x^i, of degree up to 4 with `c[degree]` not 0, in order. Between
+/// the roots of the derivative the polynomial is monotone. A double root may be missed.
 pub(super) fn polynomial_roots(c: &[f64], out: &mut arrayvec::ArrayVec<f64, 4>) {
     let degree = c.len() - 1;
     if degree == 0 {

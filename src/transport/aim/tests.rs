@@ -1,5 +1,5 @@
-//! Solvers against rays that are traced through the same surfaces: every traced chain is found, what is found obeys the
-//! law of refraction, and the Jacobian is that of finite differences.
+//! Solvers against rays that are traced through the same surfaces: every traced chain is found,
+//! what is found obeys the law of refraction, and the Jacobian is that of finite differences.
 
 use super::differential::jacobian;
 use super::surface::Surface;
@@ -342,7 +342,8 @@ fn residual(chain: &Traced, points: &Points) -> f64 {
     worst
 }
 
-/// Every chain that is traced is found, and all that is found obeys the law; returns the number of chains traced.
+/// Every chain that is traced is found, and all that is found obeys the law; returns the number of
+/// chains traced.
 fn check(kind: Kind, world: &World, index: f64, near: f64, tolerance: f64, rounds: usize) -> usize {
     let mut random = Random((index * 1e6) as u64);
     let mut traced = 0;
@@ -438,7 +439,8 @@ fn hard_cases_are_found() {
     }
 }
 
-/// Area across the last ray per solid angle at the sensor's end, by differences of the fourth order.
+/// Area across the last ray per solid angle at the sensor's end, by differences of the fourth
+/// order.
 fn area_by_differences(chain: &Traced) -> Option<f64> {
     let frame = Frame::from_z((*chain.points.last()? - chain.to).normalize());
     let last = chain.far.direction_from(chain.points[0]);

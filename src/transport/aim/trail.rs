@@ -106,7 +106,8 @@ pub type Placed = (
     ArrayVec<f64, { MAX_CHAIN + 1 }>,
 );
 
-/// A kind of chain at the moment and at the wavelength of `lane` of a path; `None` where a shape is out of round.
+/// A kind of chain at the moment and at the wavelength of `lane` of a path; `None` where a shape is
+/// out of round.
 #[must_use]
 pub fn place(context: &PathContext, kind: &[ChainLink], lane: usize) -> Option<Placed> {
     let index = |medium: MediumId| context.medium(medium).eta[lane];
@@ -144,8 +145,8 @@ pub fn is_aimed_at(kind: &LightKind) -> bool {
     }
 }
 
-/// The bridges of a path: of the chain at its light and of that at its sensor, where they are tried. `light` is what it
-/// starts from; `lane` is the wavelength whose path this is.
+/// The bridges of a path: of the chain at its light and of that at its sensor, where they are
+/// tried. `light` is what it starts from; `lane` is the wavelength whose path this is.
 #[must_use]
 pub fn bridges(
     context: &PathContext,
@@ -224,7 +225,8 @@ fn links(trail: &Trail, light: &LightKind, a: usize, b: usize) -> Option<ChainKi
     Some((a + 1..b).map(link).collect())
 }
 
-/// K of a chain: its density where specular vertices leave out 1/A, over its true one. [theory (9.1)]
+/// K of a chain: its density where specular vertices leave out 1/A, over its true one. [theory
+/// (9.1)]
 fn factor(trail: &Trail, a: usize, b: usize, bounces: &[Bounce], eta: &[f64]) -> f64 {
     let far = trail.far(a);
     let points: ArrayVec<DVec3, MAX_CHAIN> = (a + 1..b).map(|i| trail.place(i).p).collect();

@@ -1,6 +1,6 @@
-//! A tracer of its own for scenes of boxes, balls, cylinders and rectangles: at every step it lists all faces
-//! on the ray, takes those that are equally far for one crossing, and sorts them by the rule. Which
-//! medium is where it asks of the point, not of a stack.
+//! A tracer of its own for scenes of boxes, balls, cylinders and rectangles: at every step it lists
+//! all faces on the ray, takes those that are equally far for one crossing, and sorts them by the
+//! rule. Which medium is where it asks of the point, not of a stack.
 
 use std::collections::BTreeMap;
 

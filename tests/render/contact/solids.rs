@@ -123,7 +123,8 @@ environment = {{ radiance = 1 }}
     assert_eq!(stack(&text("medium = \"glass\"", 0.2)), Ok(there));
 }
 
-/// A lamp that emits into two media is refused; so are more surfaces in a place than are told apart.
+/// A lamp that emits into two media is refused; so are more surfaces in a place than are told
+/// apart.
 #[test]
 fn what_cannot_be_decided_where_things_touch_is_refused() {
     let head = r#"

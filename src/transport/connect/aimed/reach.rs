@@ -242,7 +242,8 @@ impl Joiner<'_> {
 }
 
 impl Ends<'_> {
-    /// The densities of x₀ … x_{b−1} as if they all had been made from the light, and the edge to x_b.
+    /// The densities of x₀ … x_{b−1} as if they all had been made from the light, and the edge to
+    /// x_b.
     pub(super) fn densities(
         &self,
         (light, sensor): (&Reached, &Reached),
