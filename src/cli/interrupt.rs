@@ -1,5 +1,5 @@
-//! Ctrl-C and SIGTERM: the first asks the render to stop and save, the second says that it does, the
-//! third ends the process at once.
+//! Ctrl-C and SIGTERM: the first asks the render to stop and save, the second says that it does,
+//! the third ends the process at once.
 
 use super::{CliError, INTERRUPTED, tell};
 use crate::render::Cancel;

@@ -3,8 +3,8 @@
 //!
 //! Invariant: outside of [`Session::step`] the films hold whole passes only. In a live session they
 //! do at any time: a pass is traced into films of its own, which are added when it is complete. One
-//! that is cancelled or paused is gone on with by the next step, pixel by pixel; with photons, which
-//! would have to be kept as well, it is dropped.
+//! that is cancelled or paused is gone on with by the next step, pixel by pixel; with photons,
+//! which would have to be kept as well, it is dropped.
 
 use super::clock::PassTime;
 use super::forecast::{ErrorHistory, Forecast};
@@ -115,7 +115,7 @@ pub struct Session {
     view: View,
     /// Films of the pass in flight of a live session.
     staging: Option<Outputs>,
-    /// What these films hold.
+    /// Content of these films.
     flight: Option<Flight>,
     passes: Range<u32>,
     /// Done out of their order.
