@@ -48,7 +48,7 @@ impl Need {
     /// have.
     ///
     /// # Errors
-    /// It does not.
+    /// Where it does not.
     pub fn check(&self, max_memory: Option<u64>) -> Result<(), CliError> {
         let (limit, whose) = limit(max_memory);
         if self.total() <= limit {
@@ -74,7 +74,7 @@ pub fn loaded_bytes(scene: &Scene) -> u64 {
 /// than this machine lets it have: nothing is lost yet.
 ///
 /// # Errors
-/// What is loaded takes more.
+/// Where it takes more.
 pub fn guarded<T>(max_memory: Option<u64>, load: impl FnOnce() -> T) -> Result<T, CliError> {
     let (limit, whose) = limit(max_memory);
     let excess = || {

@@ -116,7 +116,7 @@ impl<'a> Saver<'a> {
     /// interrupt. Says of the preview what a user should know.
     ///
     /// # Errors
-    /// It could not be saved.
+    /// Where it could not be saved.
     pub fn finish(&mut self, session: &Session) -> Result<Option<String>, CliError> {
         let (began, interrupts) = (Instant::now(), self.interrupts.count());
         loop {

@@ -18,8 +18,8 @@ pub fn tell(line: &str) {
 /// Writes to stdout.
 ///
 /// # Errors
-/// It is full, or its reader has closed it (`abbe info SCENE | head`). Work that is not done yet
-/// goes on all the same: its caller remembers the error.
+/// Where it is full, or its reader has closed it (`abbe info SCENE | head`). Work that is not done
+/// yet goes on all the same: its caller remembers the error.
 pub fn print(text: &str) -> Result<(), CliError> {
     let text = harmless(text);
     // JSON is for programs

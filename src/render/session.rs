@@ -115,7 +115,7 @@ pub struct Session {
     view: View,
     /// Films of the pass in flight of a live session.
     staging: Option<Outputs>,
-    /// What these films hold.
+    /// Content of these films.
     flight: Option<Flight>,
     passes: Range<u32>,
     /// Done out of their order.

@@ -1,4 +1,5 @@
 //! 20,000 seeded mutations of valid files through each reader: no panic, no large allocation.
+//! `ABBE_TEST_SCALE` multiplies their number, for long runs by hand.
 
 use super::binary::{valid_exr, valid_part};
 use super::models::{valid_animated_glb, valid_glb};
@@ -36,7 +37,9 @@ fn mutate(valid: &[u8], index: u64, dictionary: &[&[u8]]) -> Vec<u8> {
 }
 
 fn run(valid: &[u8], dictionary: &[&[u8]], read: fn(&[u8])) {
-    for index in 0..MUTATIONS {
+    let scale = std::env::var("ABBE_TEST_SCALE").ok();
+    let scale = scale.and_then(|s| s.parse().ok()).unwrap_or(1);
+    for index in 0..MUTATIONS * scale {
         let bytes = mutate(valid, index, dictionary);
         let outcome = std::panic::catch_unwind(|| read(&bytes));
         assert!(

@@ -318,7 +318,7 @@ fn black_images_are_told_of() {
     assert_eq!(text(&output.stderr), "");
 }
 
-/// What cannot be printed is an error, and costs no file.
+/// Results that cannot be printed cost no file.
 #[test]
 #[cfg(target_os = "linux")]
 fn results_that_cannot_be_printed_are_an_error() {

@@ -19,6 +19,7 @@ import io
 import os
 import pathlib
 import random
+import re
 import subprocess
 import sys
 import tarfile
@@ -127,6 +128,15 @@ def reference(path, kind):
             image.load()
             if says_something_of_colors(image):
                 return None
+            if kind == "png" and data[25] == 0 and isinstance(image.info.get("transparency"), int):
+                # Pillow compares the transparent gray with samples that it has scaled to 8 bits, or not at all
+                most = 2 ** data[24] - 1
+                gray = np.asarray(image).astype(float) * {"1": 255, "L": 1}.get(image.mode, 255 / 65535)
+                clear = image.info["transparency"]
+                # of one bit it may be in bytes
+                clear = clear if clear <= most else 1
+                opaque = np.where(np.round(gray * most / 255) == clear, 0.0, 255.0)
+                return np.dstack([gray, gray, gray, opaque])
             if image.mode.startswith("I"):
                 gray = np.asarray(image).astype(float)[..., None] / 257
                 return np.dstack([gray, gray, gray, np.full(gray.shape[:2], 255.0)])
@@ -172,6 +182,8 @@ def outcome(program, path, kind, work):
     except Exception as error:  # whatever the reference says
         # not every program knows every kind: only damage counts
         damage = any(w in str(error).lower() for w in ("truncat", "broken", "corrupt", "crc"))
+        # a chunk that begins with a small letter may be passed over (PNG, 5.4), as libpng does
+        damage = damage and not re.search(r"Truncated [a-z]\w{3} chunk", str(error))
         return ("wrong" if damage else "right"), f"the reference: {error}"
     if kind == "obj":
         there = statements(path.read_text(errors="replace"))
