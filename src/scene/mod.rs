@@ -132,6 +132,8 @@ pub struct Scene {
     pub effects: Vec<Effect>,
     /// Whether any object is there only in part.
     pub has_coverage: bool,
+    /// Whether any material has a coating.
+    pub has_coatings: bool,
     /// Surfaces that touch, or may touch.
     pub contacts: Vec<Contact>,
     /// Notes on what was put right when the scene was built.

@@ -6,6 +6,7 @@
 //! would be seen.
 
 mod absorption;
+mod coating;
 mod emitter;
 mod fresnel;
 mod furnace;
