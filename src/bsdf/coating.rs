@@ -96,13 +96,13 @@ mod tests {
         let mut largest_difference = 0.0_f64;
         for degrees in [0.0_f64, 20.0, 50.0, 80.0] {
             let (sin, cos) = degrees.to_radians().sin_cos();
-            for k in 0..4 {
-                let below = (1.0 - (sin / glass[k]).powi(2)).sqrt();
+            for (k, &n) in glass.iter().enumerate().take(4) {
+                let below = (1.0 - (sin / n).powi(2)).sqrt();
                 let [r_above, t_above] = interface.response(k, cos, true);
                 let [r_below, t_below] = interface.response(k, below, false);
                 assert!((t_above - t_below).abs() < 1e-12, "{degrees} {k}");
                 let nm = wavelengths.lambda_nm(k);
-                let want = coating::interface(Some(&stack), nm, 1.0, glass[k], cos);
+                let want = coating::interface(Some(&stack), nm, 1.0, n, cos);
                 assert!((r_above - want.r).abs() < 1e-12 && (t_above - want.t).abs() < 1e-12);
                 assert!((r_above + t_above + want.a - 1.0).abs() < 1e-12);
                 largest_difference = largest_difference.max((r_above - r_below).abs());

@@ -384,10 +384,10 @@ impl Build for MaterialKeys {
             coating: None,
             single_scattering: !self.multiscatter,
         };
-        if let (Some(coating), Some(range_nm)) = (&self.coating, cx.range_nm) {
-            if let Err(message) = material.check_coating(&coating.value.0, range_nm) {
-                cx.conflict(&coating.at, message);
-            }
+        if let (Some(coating), Some(range_nm)) = (&self.coating, cx.range_nm)
+            && let Err(message) = material.check_coating(&coating.value.0, range_nm)
+        {
+            cx.conflict(&coating.at, message);
         }
         let coating = self.coating.map(|coating| coating.value.0);
         let material = Material {

@@ -8,6 +8,7 @@
 mod absorption;
 mod coating;
 mod emitter;
+mod flux;
 mod fresnel;
 mod furnace;
 mod imaging;
