@@ -211,7 +211,7 @@ impl MediumStack {
             Boundary::None => true,
             Boundary::Solid { .. } => self.solids().iter().any(|s| s.0.solid == solid) != entering,
             Boundary::Interface { above, below } => {
-                !self.count == 0 || self.outside == if entering { above } else { below }
+                self.count > 0 || self.outside == if entering { above } else { below }
             }
         }
     }
