@@ -51,8 +51,8 @@ impl Shape {
 
 impl Instance {
     /// World area at a moment. Exact, except for lens surfaces, and spheres and cylinders under
-    /// unequal scaling: relative error below 1e-4 for ratios of the axes up to 100. Takes time linear in the
-    /// triangles of a mesh under unequal scaling.
+    /// unequal scaling: relative error below 1e-4 for ratios of the axes up to 100. Takes time
+    /// linear in the triangles of a mesh under unequal scaling.
     #[must_use]
     pub fn area<'a>(&'a self, moment: impl Into<Moment<'a>>) -> f64 {
         let moment = moment.into();

@@ -8,6 +8,7 @@
 mod document;
 mod error;
 mod keys;
+mod lens;
 mod light;
 mod material;
 mod medium;
