@@ -8,6 +8,7 @@ pub mod crossing;
 pub mod description;
 pub mod effects;
 pub mod frozen;
+pub mod lens;
 pub mod moving;
 pub mod probe;
 pub mod regularization;
@@ -17,6 +18,7 @@ pub use at::SceneAt;
 pub use build::{BuildError, Subject};
 pub use builder::{SceneBuilder, SceneBuilderError};
 pub use description::{SceneDescription, WavelengthSettings};
+pub use lens::{LensAssembly, LensBuildError};
 pub use settings::Settings;
 
 use crate::bsdf::albedo::AlbedoTables;

@@ -9,6 +9,7 @@ mod coating;
 mod document;
 mod error;
 mod keys;
+mod lens;
 mod light;
 mod material;
 mod medium;
