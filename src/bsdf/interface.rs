@@ -3,7 +3,7 @@
 //! Invariant: without `dispersive` the ratio of the two indices is the same in all lanes.
 
 use super::albedo::AlbedoTables;
-use super::fresnel;
+use super::{CoatingLanes, fresnel};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 
 /// Refractive indices on the two sides of a surface, per lane.
@@ -17,6 +17,8 @@ pub struct Interface<'a> {
     pub count: usize,
     /// The ratio of the two indices differs between wavelengths.
     pub dispersive: bool,
+    /// Layers between the two media, on smooth interfaces.
+    pub coating: Option<&'a CoatingLanes>,
     /// Albedos of the rough lobes there are.
     pub albedos: &'a AlbedoTables,
 }
@@ -53,6 +55,34 @@ impl<'a> Interface<'a> {
         }
         [self.eta_above, self.eta_below]
             .map(|eta| eta[..self.count].iter().sum::<f64>() / self.count as f64)
+    }
+
+    /// Reflectance and transmittance of the smooth interface in lane `k` at cosine `cos` on the side
+    /// `above`, with its coating.
+    pub(super) fn response(&self, k: usize, cos: f64, above: bool) -> [f64; 2] {
+        let (near, far) = self.sides(above);
+        let indices = [near[k], far[k]];
+        match self.coating {
+            None => {
+                let r = fresnel::dielectric(cos, indices[0], indices[1]);
+                [r, 1.0 - r]
+            }
+            Some(coating) => {
+                let response = coating.response(k, cos, above, indices);
+                [response.r, response.t]
+            }
+        }
+    }
+
+    /// Probability of choosing reflection at the smooth interface: the share of what is reflected
+    /// in what is not absorbed, over all lanes, the same whichever lane is the hero.
+    pub(super) fn reflection_probability(&self, cos: f64, above: bool) -> f64 {
+        if self.coating.is_none() {
+            return self.mean_reflectance(cos, above);
+        }
+        let responses = (0..self.count).map(|k| self.response(k, cos, above));
+        let [r, t] = responses.fold([0.0; 2], |sum, [r, t]| [sum[0] + r, sum[1] + t]);
+        if t > 0.0 { r / (r + t) } else { 1.0 }
     }
 
     /// Fresnel reflectance at cosine `cos` on the side `above`, averaged over the lanes in use: the

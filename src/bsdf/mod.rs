@@ -6,12 +6,14 @@
 //! η₊²` is symmetric.
 
 pub mod albedo;
+pub mod coating;
 pub mod fresnel;
 pub mod interface;
 pub mod lobe;
 pub mod microfacet;
 pub mod multiscatter;
 
+pub use coating::CoatingLanes;
 pub use interface::Interface;
 pub use lobe::Lobe;
 

@@ -42,6 +42,7 @@ pub(super) fn interface(above: &[f64], below: &[f64]) -> Interface<'static> {
         eta_below: fill(below),
         count: above.len(),
         dispersive,
+        coating: None,
         albedos: &TABLES,
     }
 }

@@ -12,7 +12,7 @@ use crate::render::clock::cpu_seconds;
 use crate::render::forecast::Forecast;
 use crate::render::stop::StopReason;
 use crate::render::table::ClassShare;
-use crate::render::{ErrorEstimate, Render, SharedWavelengths};
+use crate::render::{ErrorEstimate, Flux, Render, SharedWavelengths, Total};
 use crate::scene::effects::Effect;
 use crate::transport::Counters;
 use serde_json::{Value, json};
@@ -128,6 +128,8 @@ pub struct SensorStats {
     pub saturated: u64,
     /// Estimated error.
     pub error: Option<ErrorEstimate>,
+    /// Flux through a detector.
+    pub flux: Option<Flux>,
     /// A smaller relative error, and what it would take.
     pub forecast: Option<(f64, Forecast)>,
     /// Classes of paths with few hits, where the table of classes is kept.
@@ -176,6 +178,7 @@ impl SensorStats {
             non_finite: counters.non_finite + rejected.not_finite,
             saturated: rejected.saturated,
             error: render.error(),
+            flux: render.flux(),
             forecast: None,
             rarely_hit: render.table().rarely_hit(FEW_HITS),
             epsilon: EpsilonStats::new(render),
@@ -215,6 +218,7 @@ impl SensorStats {
             "nesting_overflows": c.nesting_overflows,
             "relative_error": self.error.map(|e| e.relative),
             "relative_error_of_all_pixels": self.error.map(|e| e.of_all_pixels),
+            "flux": self.flux.as_ref().map(flux_json),
             "forecast": self.forecast.map(forecast_json),
             "rarely_hit": self.rarely_hit.iter().map(class_json).collect::<Vec<_>>(),
             "regularization": self.regularization,
@@ -235,6 +239,19 @@ fn forecast_json((target, forecast): (f64, Forecast)) -> Value {
         "passes": passes,
         "seconds": seconds,
         "unsteady": forecast == Forecast::Unsteady,
+    })
+}
+
+fn flux_json(flux: &Flux) -> Value {
+    let total = |t: &Total| json!({ "value": t.value, "standard_error": t.error });
+    let line = |(nm, watts): &(f64, Total)| {
+        let Total { value, error } = watts;
+        json!({ "nm": nm, "value": value, "standard_error": error })
+    };
+    json!({
+        "luminous_lm": total(&flux.luminous_lm),
+        "lines_w": flux.lines_w.iter().map(line).collect::<Vec<_>>(),
+        "continuum_w": flux.continuum_w.as_ref().map(total),
     })
 }
 

@@ -5,7 +5,7 @@ use super::stats::{FEW_HITS, SensorStats};
 use super::usage::bytes_text;
 use crate::medium::Boundary;
 use crate::render::forecast::Forecast;
-use crate::render::{PhotonMemory, RadiusChoice, Render};
+use crate::render::{Flux, PhotonMemory, RadiusChoice, Render, Total};
 use crate::report::readable::{duration, percent};
 use crate::scene::Scene;
 use crate::scene::effects::{Effect, EffectKind};
@@ -119,6 +119,7 @@ pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats, scene: &
         },
     );
     _ = writeln!(text, "  error     {error}");
+    text += &stats.flux.as_ref().map_or_else(String::new, flux);
     text += &accuracy(stats);
     text += &rarely_hit(stats);
     if let Some(epsilon) = &stats.epsilon {
@@ -164,6 +165,22 @@ pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats, scene: &
     ];
     for (count, what) in trouble.iter().filter(|t| t.0 > 0) {
         _ = writeln!(text, "  warning   {count} {what}");
+    }
+    text
+}
+
+/// Flux through a detector.
+fn flux(flux: &Flux) -> String {
+    let total = |Total { value, error }: &Total| match error {
+        Some(error) => format!("{value:.6e} ± {error:.1e}"),
+        None => format!("{value:.6e}"),
+    };
+    let mut text = format!("  flux      {} lm\n", total(&flux.luminous_lm));
+    if let Some(watts) = &flux.continuum_w {
+        _ = writeln!(text, "            {} W besides lines", total(watts));
+    }
+    for (nm, watts) in &flux.lines_w {
+        _ = writeln!(text, "            {} W at {nm} nm", total(watts));
     }
     text
 }

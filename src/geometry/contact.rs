@@ -244,7 +244,11 @@ fn contact(accel: &Accel, pair: [InstanceId; 2], budget: &mut usize) -> Option<C
 }
 
 fn is_curved(shape: &Shape) -> bool {
-    matches!(shape, Shape::Sphere | Shape::Cylinder)
+    match shape {
+        Shape::Sphere | Shape::Cylinder => true,
+        Shape::Lens(lens) => !lens.surface().profile.is_plane(),
+        _ => false,
+    }
 }
 
 /// Whether two curved shapes are pieces of one surface: the map from one to the other keeps what
@@ -272,6 +276,12 @@ fn is_same_surface(a: &Instance, b: &Instance) -> bool {
                 && is_zero(x.length() - 1.0)
                 && is_zero(y.length() - 1.0)
                 && is_zero(x.dot(y))
+        }
+        (Shape::Lens(a), Shape::Lens(b)) => {
+            let kept = (x - DVec3::X).length() + (y - DVec3::Y).length() + (z - DVec3::Z).length();
+            // the map is in millimeters here, the rounding in units of the shape
+            let moved = t.length() / a.extent();
+            a.surface().profile == b.surface().profile && is_zero(kept) && is_zero(moved)
         }
         _ => false,
     }
@@ -308,6 +318,11 @@ impl Polygon {
         match &instance.shape {
             // of a disk, the square around it
             Shape::Disk { .. } | Shape::Quad => add(&square(DVec3::X, DVec3::Y, DVec3::ZERO)),
+            // of a plane, the square around its aperture
+            Shape::Lens(lens) => {
+                let reach = lens.surface().aperture.extent();
+                add(&square(DVec3::X * reach, DVec3::Y * reach, DVec3::ZERO));
+            }
             Shape::Box => {
                 for face in 0..6u32 {
                     let axis = (face / 2) as usize;

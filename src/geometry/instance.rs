@@ -46,7 +46,7 @@ impl Instance {
             Shape::Quad => reach(&|r| r.x.abs() + r.y.abs()),
             Shape::Cylinder => reach(&|r| r.truncate().length() + r.z.abs()),
             Shape::Box => reach(&|r| r.abs().dot(half)),
-            Shape::Mesh(_) | Shape::Deforming(_) => {
+            Shape::Lens(_) | Shape::Mesh(_) | Shape::Deforming(_) => {
                 let (low, high) = self.shape.bounds();
                 (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
                 reach(&|r| r.abs().dot(half))

@@ -1,12 +1,13 @@
 //! The closed set of shapes, each in its own object space.
 //!
-//! Analytic shapes have unit size and are placed by the transform of their instance. Here is what
+//! Analytic shapes have unit size (lens surfaces that of their prescription) and are placed by the
+//! transform of their instance. Here is what
 //! any surface needs so that rays can hit it; [`super::AreaSampler`] adds what those need that
 //! emit.
 
 use super::analytic::{self, FaceHit};
 use super::ray::LocalRay;
-use super::{Deforming, Mesh};
+use super::{Deforming, LensShape, Mesh};
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -27,6 +28,8 @@ pub enum Shape {
     Cylinder,
     /// The cube -1..1 on each axis.
     Box,
+    /// A lens surface within its aperture, open, normal on the side of +z.
+    Lens(Arc<LensShape>),
     /// A triangle mesh.
     Mesh(Arc<Mesh>),
     /// A triangle mesh whose vertices move.
@@ -55,6 +58,7 @@ impl Shape {
             Self::Quad => "quad",
             Self::Cylinder => "cylinder",
             Self::Box => "box",
+            Self::Lens(_) => "lens surface",
             Self::Mesh(_) | Self::Deforming(_) => "mesh",
         }
     }
@@ -65,7 +69,7 @@ impl Shape {
     pub fn is_closed(&self) -> bool {
         match self {
             Self::Sphere | Self::Box => true,
-            Self::Disk { .. } | Self::Quad | Self::Cylinder => false,
+            Self::Disk { .. } | Self::Quad | Self::Cylinder | Self::Lens(_) => false,
             Self::Mesh(mesh) => mesh.is_closed(),
             Self::Deforming(mesh) => mesh.is_closed(),
         }
@@ -89,6 +93,7 @@ impl Shape {
             Self::Disk { .. } | Self::Quad => {
                 (DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, 1.0, 0.0))
             }
+            Self::Lens(lens) => lens.bounds(),
             Self::Mesh(mesh) => mesh.bounds(),
             Self::Deforming(mesh) => mesh.bounds(),
         }
@@ -104,6 +109,7 @@ impl Shape {
     #[inline]
     pub(super) fn extent(&self) -> f64 {
         match self {
+            Self::Lens(lens) => lens.extent(),
             Self::Mesh(mesh) => mesh.extent(),
             Self::Deforming(mesh) => mesh.extent(),
             _ => 1.0,
@@ -119,6 +125,7 @@ impl Shape {
             Self::Quad => analytic::quad(ray),
             Self::Cylinder => analytic::cylinder(ray),
             Self::Box => analytic::cube(ray),
+            Self::Lens(lens) => lens.hit(ray),
             Self::Mesh(_) | Self::Deforming(_) => None,
         }
     }
@@ -156,6 +163,10 @@ impl Shape {
                     square(DVec2::new(q[(axis + 1) % 3], q[(axis + 2) % 3])),
                 )
             }
+            Self::Lens(lens) => {
+                let (p, n) = lens.nearest(p);
+                flat(p, n, lens.uv(p))
+            }
             Self::Mesh(mesh) => mesh.local_point(prim, weights, time),
             Self::Deforming(mesh) => mesh.local_point(prim, weights, time),
         }
@@ -177,6 +188,7 @@ impl Shape {
                 let axis = (prim / 2) as usize % 3;
                 Some([(axis + 1) % 3, (axis + 2) % 3].map(|i| DVec3::AXES[i] * 2.0))
             }
+            Self::Lens(lens) => lens.tangents(p),
             Self::Mesh(mesh) => mesh.tangents(prim, time),
             Self::Deforming(mesh) => mesh.tangents(prim, time),
         }

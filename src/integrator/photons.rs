@@ -2,15 +2,14 @@
 
 use super::sample::{SensorJob, begin, start_light};
 use crate::geometry::Placements;
-use crate::medium::MediumLanes;
 use crate::spectrum::SensorResponse;
-use crate::transport::{Counters, PassSettings, PhotonBuffer, Subpath};
+use crate::transport::{Counters, MediaLanes, PassSettings, PhotonBuffer, Subpath};
 
 /// Traces light sub-paths and stores their vertices, with the buffers of one thread.
 #[derive(Debug, Default)]
 pub struct PhotonTracer {
     placements: Placements,
-    media: Vec<MediumLanes>,
+    media: MediaLanes,
     light: Subpath,
     /// Counts of this thread.
     pub counters: Counters,

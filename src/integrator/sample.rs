@@ -8,7 +8,6 @@ use super::{aims, strategies};
 use crate::bsdf::Side;
 use crate::film::Crop;
 use crate::geometry::{EndPoint, Placements, Ray};
-use crate::medium::MediumLanes;
 use crate::sampler::{Draw, Sampler};
 use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::Sharing;
@@ -20,7 +19,8 @@ use crate::transport::strategies::Merge;
 use crate::transport::subpath::Vertex;
 use crate::transport::walk::{Start, walk};
 use crate::transport::{
-    Contribution, Counters, PassSettings, PathContext, PhotonMap, StrategySet, Subpath, Throughput,
+    Contribution, Counters, MediaLanes, PassSettings, PathContext, PhotonMap, StrategySet, Subpath,
+    Throughput,
 };
 use glam::DVec2;
 
@@ -156,7 +156,7 @@ fn light_paths(crop: &Crop, heroes: u32) -> Vec<u64> {
 #[derive(Debug, Default)]
 pub struct Workspace {
     placements: Placements,
-    media: Vec<MediumLanes>,
+    media: MediaLanes,
     light: Subpath,
     camera: Subpath,
     scratch: Scratch,
@@ -182,7 +182,7 @@ pub(super) fn begin<'a>(
     (x, y): (u32, u32),
     response: SensorResponse,
     placements: &'a mut Placements,
-    media: &'a mut Vec<MediumLanes>,
+    media: &'a mut MediaLanes,
 ) -> (Sampler, PathContext<'a>) {
     let scene = job.scene;
     let resolution = scene.sensors[job.sensor].camera.resolution();
@@ -209,8 +209,7 @@ pub(super) fn begin<'a>(
     } else {
         sensor.shutter.open_s
     };
-    media.clear();
-    media.extend(scene.media.iter().map(|m| m.sample(&wavelengths)));
+    media.update(scene, &wavelengths);
     let context = PathContext {
         scene: scene.at(time, placements),
         sensor: job.sensor,

@@ -411,6 +411,7 @@ mod tests {
                 eta_below: below,
                 count,
                 dispersive: false,
+                coating: None,
                 albedos: &NO_ALBEDOS,
             })
         };

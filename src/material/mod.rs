@@ -6,8 +6,9 @@ mod lobe;
 pub use lobe::{LobeSpec, SMOOTH_ALPHA};
 
 use crate::bsdf::albedo::Needs;
-use crate::bsdf::{Interface, Lobe};
+use crate::bsdf::{CoatingLanes, Interface, Lobe};
 use crate::geometry::SurfacePoint;
+use crate::optics::Stack;
 use crate::spectrum::{Ior, SampledWavelengths};
 use crate::texture::{Image, ImageTexture, ScalarTexture, SpectrumTexture};
 use glam::{DVec2, DVec3};
@@ -15,6 +16,11 @@ use std::sync::Arc;
 
 /// Most lobes of a material.
 pub const MAX_LOBES: usize = 4;
+
+/// Most layers of a coating.
+pub const MAX_LAYERS: usize = 100;
+/// Thickest layer of a coating, in nanometers: beyond, layers are no longer coherent.
+pub const MAX_LAYER_NM: f64 = 1e5;
 
 /// Index of a material in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -93,6 +99,9 @@ pub struct Material {
     /// Where the surface is there; `None`: everywhere. Only for surfaces that separate no media and
     /// emit nothing.
     pub coverage: Option<Coverage>,
+    /// Layers on the smooth dielectric interface that it is, as light from the side of the normal
+    /// meets them.
+    pub coating: Option<Arc<Stack>>,
     /// Light that facets of a rough lobe send to other facets is lost, instead of leaving after
     /// several.
     pub single_scattering: bool,
@@ -141,6 +150,23 @@ impl Material {
         Self::mix([(1.0, lobe)])
     }
 
+    /// The smooth interface under a coating, whose layers are given as light from the side of the
+    /// normal meets them.
+    #[must_use]
+    pub fn coated_interface(coating: Arc<Stack>) -> Self {
+        Self {
+            coating: Some(coating),
+            ..Self::interface(0.0)
+        }
+    }
+
+    /// The coating at the wavelengths of a path.
+    #[must_use]
+    pub fn coating_at(&self, wavelengths: &SampledWavelengths) -> Option<CoatingLanes> {
+        let stack = self.coating.as_ref()?;
+        Some(CoatingLanes::new(stack, wavelengths))
+    }
+
     /// Appends the (weight, lobe) pairs of the point with texture coordinates `uv`. Lobes of weight
     /// 0 are left out, and any beyond the fourth.
     pub fn push_lobes(
@@ -177,6 +203,9 @@ impl Material {
     /// same: a pure dielectric interface of full weight.
     #[must_use]
     pub fn is_clear_interface(&self) -> bool {
+        if self.coating.is_some() {
+            return false;
+        }
         match self.lobes.as_slice() {
             [(weight, LobeSpec::Dielectric { transmit_tint, .. })] => {
                 weight.constant() == Some(1.0) && transmit_tint.is_constant(1.0)
@@ -241,12 +270,47 @@ impl Material {
             }
             lobe.validate(range_nm)?;
         }
+        if let Some(coating) = &self.coating {
+            self.check_coating(coating, range_nm)?;
+        }
         if sum > 1.0 + 1e-9 {
             return Err(format!(
                 "the sum of the weights is {sum} (allowed: at most 1)"
             ));
         }
         Ok(())
+    }
+
+    /// Checks that it can carry a coating, and the layers over a range of wavelengths in nm.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with what is allowed.
+    pub fn check_coating(&self, coating: &Stack, range_nm: [f64; 2]) -> Result<(), String> {
+        let is_smooth_interface =
+            |spec: &LobeSpec| matches!(spec, LobeSpec::Dielectric { .. }) && spec.is_specular();
+        if !self.lobes.iter().all(|(_, spec)| is_smooth_interface(spec)) {
+            return Err("a coating is on a smooth dielectric interface only".to_owned());
+        }
+        if coating.backing.is_some() {
+            let name = &coating.name;
+            return Err(format!(
+                "the coating {name} is a mirror on a metal, which lets nothing into the glass"
+            ));
+        }
+        let count = coating.layers.len();
+        if count > MAX_LAYERS {
+            return Err(format!("{count} layers (allowed: at most {MAX_LAYERS})"));
+        }
+        coating.layers.iter().try_for_each(|layer| {
+            let nm = layer.thickness_nm();
+            if !(0.0..=MAX_LAYER_NM).contains(&nm) {
+                return Err(format!(
+                    "a layer of {nm} nm (allowed: 0 to {MAX_LAYER_NM} nm)"
+                ));
+            }
+            let valid = layer.ior.validate_conductor(range_nm);
+            valid.map(|_| ()).map_err(|error| error.to_string())
+        })
     }
 
     /// Appends the images it refers to, with repetitions.

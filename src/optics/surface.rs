@@ -10,6 +10,7 @@
 use super::aperture::Aperture;
 use super::interval::Interval;
 use super::profile::Profile;
+use arrayvec::ArrayVec;
 use glam::DVec3;
 
 /// Halvings of the stretch of a line near a surface; a stretch that is still undecided then is a
@@ -77,6 +78,14 @@ impl LensSurface {
         }
     }
 
+    /// Least and greatest sag within the reach of the aperture; `None` if it has no edge.
+    #[must_use]
+    pub fn sag_range(&self) -> Option<[f64; 2]> {
+        let reach = self.aperture.extent();
+        let sag = self.profile.sag_bounds(reach);
+        (reach.is_finite() && sag.magnitude().is_finite()).then_some([sag.lo, sag.hi])
+    }
+
     /// The first crossing with `t_min < t < t_max` inside the aperture. `d` is a unit vector. With
     /// `leaving`, `o` lies on this surface, and that point is none of its crossings.
     #[must_use]
@@ -84,23 +93,36 @@ impl LensSurface {
         &self,
         o: DVec3,
         d: DVec3,
-        [t_min, t_max]: [f64; 2],
+        range: [f64; 2],
         leaving: bool,
+    ) -> Option<Crossing> {
+        self.first_hit_but(o, d, range, [leaving.then_some(0.0), None])
+    }
+
+    /// The same where up to two points of the line are known to lie on the surface, and are none of
+    /// its crossings: at 0, and farther along.
+    #[must_use]
+    pub fn first_hit_but(
+        &self,
+        o: DVec3,
+        d: DVec3,
+        [t_min, t_max]: [f64; 2],
+        own: [Option<f64>; 2],
     ) -> Option<Crossing> {
         let inside = |c: &Crossing| {
             t_min < c.t && c.t < t_max && self.aperture.contains(c.point.x, c.point.y)
         };
         if let Profile::Conic { curvature, conic } = self.profile {
-            return conic_roots(curvature, conic, o, d, leaving)
+            return conic_roots(curvature, conic, o, d, own)
                 .into_iter()
                 .filter_map(|t| conic_crossing(curvature, conic, o, d, t))
                 .find(inside);
         }
         let reach = self.aperture.extent().min(self.reach);
-        let mut start = leaving.then_some(0.0);
+        let [mut start, end] = own;
         let mut from = t_min;
         loop {
-            let found = self.first_sign_change(o, d, [from, t_max], reach, start)?;
+            let found = self.first_sign_change(o, d, [from, t_max], reach, [start, end])?;
             if inside(&found) {
                 return Some(found);
             }
@@ -127,7 +149,7 @@ impl LensSurface {
         let mut range = everywhere;
         let mut start = None;
         loop {
-            let hit = self.first_sign_change(o, d, range, self.reach, start)?;
+            let hit = self.first_sign_change(o, d, range, self.reach, [start, None])?;
             if hit.normal.dot(d) * d.z >= 0.0 {
                 return Some(hit);
             }
@@ -136,7 +158,7 @@ impl LensSurface {
     }
 
     /// The first place in a range of the line, within `reach` of the axis, where it passes from one
-    /// side of the surface to the other. `own`: a place that is a crossing already and does not
+    /// side of the surface to the other. `own`: places that are crossings already and do not
     /// count.
     fn first_sign_change(
         &self,
@@ -144,7 +166,7 @@ impl LensSurface {
         d: DVec3,
         range: [f64; 2],
         reach: f64,
-        own: Option<f64>,
+        own: [Option<f64>; 2],
     ) -> Option<Crossing> {
         let line = Line::new(o, d);
         let reach = reach.min(self.profile.domain_radius() * (1.0 - 1e-12));
@@ -177,7 +199,7 @@ impl LensSurface {
         if lo.partial_cmp(&hi) != Some(std::cmp::Ordering::Less) || !(hi - lo).is_finite() {
             return None;
         }
-        let own = own.map(|t| t - line.shift);
+        let own = own.map(|own| own.map(|t| t - line.shift));
         let t = self.search(&line, [lo, hi], own)?;
         let point = line.o + d * t;
         let [_, zx, zy] = self.profile.sag_and_slopes(point.x, point.y);
@@ -189,8 +211,10 @@ impl LensSurface {
     }
 
     /// The first zero in `range`, by halving what is undecided, nearest first.
-    fn search(&self, line: &Line, range: [f64; 2], own: Option<f64>) -> Option<f64> {
-        let mut pending = vec![(range, 0)];
+    fn search(&self, line: &Line, range: [f64; 2], own: [Option<f64>; 2]) -> Option<f64> {
+        // a half waits at each depth
+        let mut pending = ArrayVec::<_, { MAX_DEPTH as usize + 2 }>::new();
+        pending.push((range, 0));
         let mut looked_at = 0;
         while let Some(([a, b], depth)) = pending.pop() {
             looked_at += 1;
@@ -198,7 +222,7 @@ impl LensSurface {
             if !distance.contains_zero() || looked_at > MAX_STRETCHES {
                 continue;
             }
-            let near_own = own.is_some_and(|t| {
+            let near_own = own.into_iter().flatten().any(|t| {
                 let slack = 1e-9 * (b - a);
                 a - slack <= t && t <= b + slack
             });
@@ -335,12 +359,16 @@ fn discriminant(c: f64, k: f64, line: &Line) -> Option<f64> {
 
 /// Distances from `o`, in order, at which a line meets the quadric; NaN for those that do not exist
 /// or are its own.
-fn conic_roots(c: f64, k: f64, o: DVec3, d: DVec3, leaving: bool) -> [f64; 2] {
-    if leaving {
-        // its own root is 0 by definition, the other has a closed form
-        let here = Line { o, d, shift: 0.0 };
-        let (a, b, _) = conic_quadratic(c, k, &here);
-        return [-2.0 * b / a, f64::NAN];
+fn conic_roots(c: f64, k: f64, o: DVec3, d: DVec3, own: [Option<f64>; 2]) -> [f64; 2] {
+    // of a point on it, its own root is known and the other has a closed form
+    let other = |o: DVec3| {
+        let (a, b, _) = conic_quadratic(c, k, &Line { o, d, shift: 0.0 });
+        -2.0 * b / a
+    };
+    match own {
+        [Some(_), Some(_)] => return [f64::NAN; 2],
+        [Some(t), None] | [None, Some(t)] => return [t + other(o + d * t), f64::NAN],
+        [None, None] => {}
     }
     let line = Line::new(o, d);
     let (a, b, rest) = conic_quadratic(c, k, &line);

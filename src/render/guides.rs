@@ -67,11 +67,13 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
             let material = scene.material(scene.object(point.id.instance).material);
             let mut albedo = [0.0; 3];
             for lanes in &wavelengths {
+                let coating = material.coating_at(lanes);
                 let interface = Interface {
                     eta_above: &[1.0; MAX_LANES],
                     eta_below: &[1.5; MAX_LANES],
                     count: lanes.count(),
                     dispersive: false,
+                    coating: coating.as_ref(),
                     albedos: scene.albedos(),
                 };
                 let mut lobes = Vec::new();

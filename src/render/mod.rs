@@ -4,6 +4,7 @@ pub mod bias;
 pub mod clock;
 pub mod epsilon;
 pub mod error;
+pub mod flux;
 pub mod forecast;
 pub mod guides;
 pub mod memory;
@@ -18,6 +19,7 @@ pub mod variance;
 
 pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;
+pub use flux::{Flux, Total};
 pub use merging::{PhotonMemory, RadiusChoice, SharedWavelengths};
 pub use outputs::{OutputRequest, Outputs};
 pub use pass::{TileObserver, Tiles, UnfinishedPass};
@@ -400,6 +402,16 @@ impl Render {
         self.epsilon.as_ref().filter(|_| self.tells_bias())?;
         let [even, odd] = self.pass_counts();
         bias::bias_estimate(&self.outputs.image, even, odd)
+    }
+
+    /// Flux through the rendered part of a detector; `None` for cameras.
+    #[must_use]
+    pub fn flux(&self) -> Option<Flux> {
+        let sensor = &self.scene.sensors[self.sensor];
+        let area = sensor.camera.detector_area(sensor.shutter.open_s.into())?;
+        let size = sensor.camera.resolution();
+        let pixel_m2 = area / (f64::from(size.width) * f64::from(size.height));
+        Some(Flux::new(&self.outputs, pixel_m2, self.pass_counts()))
     }
 
     /// Estimated error of the image. `None` before both halves of the passes have one or while the

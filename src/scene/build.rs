@@ -229,6 +229,7 @@ impl Scene {
         let wavelengths = distribution(&description.wavelengths, &lights, &fluxes);
         let mut scene = Self {
             has_coverage: objects.iter().any(|o| o.has_alpha),
+            has_coatings: materials.iter().any(|m| m.coating.is_some()),
             selection: LightSelection::new(&powers),
             wavelengths,
             accel,

@@ -110,7 +110,7 @@ fn samples(shape: &Shape, prim: u32) -> Vec<(DVec3, DVec3)> {
             let (u, v) = n.any_orthonormal_pair();
             square.map(|(x, y)| (n + u * x + v * y, n)).into()
         }
-        Shape::Mesh(_) | Shape::Deforming(_) => Vec::new(),
+        Shape::Mesh(_) | Shape::Deforming(_) | Shape::Lens(_) => Vec::new(),
     }
 }
 

@@ -9,6 +9,7 @@ pub mod crossing;
 pub mod description;
 pub mod effects;
 pub mod frozen;
+pub mod lens;
 pub mod moving;
 pub mod probe;
 pub mod regularization;
@@ -18,6 +19,7 @@ pub use at::SceneAt;
 pub use build::{BuildError, Subject};
 pub use builder::{SceneBuilder, SceneBuilderError};
 pub use description::{SceneDescription, WavelengthSettings};
+pub use lens::{LensAssembly, LensBuildError};
 pub use settings::Settings;
 
 use crate::bsdf::albedo::AlbedoTables;
@@ -136,6 +138,8 @@ pub struct Scene {
     pub chains: Chains,
     /// Whether any object is there only in part.
     pub has_coverage: bool,
+    /// Whether any material has a coating.
+    pub has_coatings: bool,
     /// Surfaces that touch, or may touch.
     pub contacts: Vec<Contact>,
     /// Notes on what was put right when the scene was built.

@@ -37,6 +37,15 @@ impl SensorResponse {
         }
     }
 
+    /// Lumens (or lux, or cd/m²) that a Y of 1 stands for.
+    #[must_use]
+    pub fn photometric_unit(self) -> f64 {
+        match self {
+            Self::Xyz => MAX_EFFICACY_LM_PER_W * N_Y,
+            Self::Photometric => 1.0,
+        }
+    }
+
     /// X, Y and Z of unit power at a wavelength.
     fn of(self, lambda_nm: f64) -> [f64; 3] {
         let scale = match self {

@@ -125,27 +125,29 @@ impl<'a> Joiner<'a> {
         segments: &[Ray],
         stack: &MediumStack,
     ) {
-        let mut view = candidate.view;
+        let mut aimed;
+        let mut view = &candidate.view;
         if self.strategies.aims.any() {
-            let (kind, trail) = (&self.light(view.emitter).kind, &candidate.trail);
-            view.bridges = bridges(
+            aimed = *view;
+            let (kind, trail) = (&self.light(aimed.emitter).kind, &candidate.trail);
+            aimed.bridges = bridges(
                 self.context,
                 self.strategies,
-                &view,
+                view,
                 trail,
                 kind,
                 candidate.lane,
             );
-        }
-        if let Some(ends) = candidate.bridge {
-            let is_it = |bridge: &&Bridge| (bridge.a, bridge.b) == ends;
-            view.made = view.bridges.iter().flatten().find(is_it).copied();
-            if view.made.is_none() {
-                self.counters.lost_bridges += 1;
-                return;
+            if let Some(ends) = candidate.bridge {
+                let is_it = |bridge: &&Bridge| (bridge.a, bridge.b) == ends;
+                aimed.made = aimed.bridges.iter().flatten().find(is_it).copied();
+                if aimed.made.is_none() {
+                    self.counters.lost_bridges += 1;
+                    return;
+                }
             }
+            view = &aimed;
         }
-        let view = &view;
         if self.skip_point_images && !view.hittable_light && view.is_all_specular() {
             return;
         }

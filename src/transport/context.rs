@@ -1,11 +1,11 @@
 //! Shared state of a pass and of a path pair, and counters.
 
 use super::regularize::Cone;
-use crate::bsdf::Interface;
+use crate::bsdf::{CoatingLanes, Interface};
 use crate::geometry::{EndPoint, InstanceId, Moment, Ray};
 use crate::light::LightId;
 use crate::medium::{MediumId, MediumLanes, MediumStack};
-use crate::scene::SceneAt;
+use crate::scene::{Scene, SceneAt};
 use crate::spectrum::{LaneResponse, SampledSpectrum, SampledWavelengths};
 use glam::DVec3;
 
@@ -105,6 +105,28 @@ fn first(a: Option<InstanceId>, b: Option<InstanceId>) -> Option<InstanceId> {
     a.into_iter().chain(b).min()
 }
 
+/// What the wavelengths of a path meet: the media and coatings of a scene at them.
+#[derive(Debug, Default)]
+pub struct MediaLanes {
+    media: Vec<MediumLanes>,
+    /// Of each material; empty where none has a coating.
+    coatings: Vec<Option<CoatingLanes>>,
+}
+
+impl MediaLanes {
+    /// Looks everything up at other wavelengths.
+    pub fn update(&mut self, scene: &Scene, wavelengths: &SampledWavelengths) {
+        self.media.clear();
+        self.media
+            .extend(scene.media.iter().map(|m| m.sample(wavelengths)));
+        self.coatings.clear();
+        if scene.has_coatings {
+            let coatings = scene.materials.iter().map(|m| m.coating_at(wavelengths));
+            self.coatings.extend(coatings);
+        }
+    }
+}
+
 /// Shared state of one path pair.
 #[derive(Debug)]
 pub struct PathContext<'a> {
@@ -115,7 +137,7 @@ pub struct PathContext<'a> {
     /// The pass.
     pub pass: &'a PassSettings,
     /// Every medium of the scene at these wavelengths.
-    pub media: &'a [MediumLanes],
+    pub media: &'a MediaLanes,
     /// Wavelengths of its lanes.
     pub wavelengths: SampledWavelengths,
     /// Response of the sensor's channels to each lane.
@@ -145,18 +167,29 @@ impl<'a> PathContext<'a> {
     /// A medium at the path's wavelengths.
     #[must_use]
     pub fn medium(&self, id: MediumId) -> &MediumLanes {
-        &self.media[id.0 as usize]
+        &self.media.media[id.0 as usize]
     }
 
-    /// Indices on both sides of a surface between `media`: above the normal, then below.
+    /// Indices on both sides of a surface of an instance between `media`, above the normal, then
+    /// below, and the coating between them.
     #[must_use]
-    pub fn interface(&self, media: [MediumId; 2]) -> Interface<'a> {
-        let [above, below] = media.map(|id| &self.media[id.0 as usize]);
+    pub fn interface(&self, media: [MediumId; 2], on: InstanceId) -> Interface<'a> {
+        let MediaLanes {
+            media: all,
+            coatings,
+        } = self.media;
+        let [above, below] = media.map(|id| &all[id.0 as usize]);
+        let coating = if coatings.is_empty() {
+            None
+        } else {
+            coatings[self.scene.object(on).material.0 as usize].as_ref()
+        };
         Interface {
             eta_above: &above.eta,
             eta_below: &below.eta,
             count: self.count(),
             dispersive: (above.dispersive || below.dispersive) && media[0] != media[1],
+            coating,
             albedos: self.scene.albedos(),
         }
     }

@@ -224,6 +224,7 @@ mod tests {
                 eta_below: kept([eta_below; MAX_LANES]),
                 count: 4,
                 dispersive: false,
+                coating: None,
                 albedos: &NO_ALBEDOS,
             },
         }

@@ -289,7 +289,7 @@ impl Subpath {
             frame: &vertex.frame,
             bsdf: Bsdf {
                 lobes: &self.lobes[first..first + usize::from(vertex.lobes)],
-                interface: context.interface(vertex.media),
+                interface: context.interface(vertex.media, vertex.id.instance),
             },
         }
     }

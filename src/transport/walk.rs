@@ -194,7 +194,7 @@ pub fn walk(
         scene.material(object.material).push_lobes(
             point.uv,
             &context.wavelengths,
-            &context.interface(media),
+            &context.interface(media, point.id.instance),
             &mut path.lobes,
         );
         let lobes = &path.lobes[first_lobe..];

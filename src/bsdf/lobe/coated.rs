@@ -118,6 +118,7 @@ mod tests {
             eta_below: &[1.0; MAX_LANES],
             count: 1,
             dispersive: false,
+            coating: None,
             albedos: &NO_ALBEDOS,
         };
         for (index, strength) in [(1.5, 1.0), (2.4, 1.0), (1.5, 0.3)] {

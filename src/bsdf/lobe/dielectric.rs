@@ -1,9 +1,10 @@
 //! Smooth interface between two dielectrics.
 //!
-//! Reflection or transmission is chosen by the Fresnel reflectance averaged over the lanes: the
-//! choice does not depend on which of them is the hero, only the refracted direction does.
+//! Reflection or transmission is chosen by the reflectance averaged over the lanes, that of the
+//! coating where there is one: the choice does not depend on which of them is the hero, only the
+//! refracted direction does.
 
-use crate::bsdf::{Interface, fresnel};
+use crate::bsdf::Interface;
 use crate::spectrum::SampledSpectrum;
 
 /// Smooth dielectric interface.
@@ -23,8 +24,7 @@ impl Dielectric {
         above: bool,
         interface: &Interface,
     ) -> SampledSpectrum {
-        let (near, far) = interface.sides(above);
-        interface.lanes(|k| fresnel::dielectric(cos, near[k], far[k])) * self.reflect_tint
+        interface.lanes(|k| interface.response(k, cos, above)[0]) * self.reflect_tint
     }
 
     /// Transmittance per lane for light arriving at cosine `cos` on the side `above`, tint
@@ -35,7 +35,6 @@ impl Dielectric {
         above: bool,
         interface: &Interface,
     ) -> SampledSpectrum {
-        let (near, far) = interface.sides(above);
-        interface.lanes(|k| 1.0 - fresnel::dielectric(cos, near[k], far[k])) * self.transmit_tint
+        interface.lanes(|k| interface.response(k, cos, above)[1]) * self.transmit_tint
     }
 }

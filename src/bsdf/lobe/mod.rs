@@ -76,7 +76,7 @@ impl Lobe {
                 };
             }
             Self::Mirror(_) => 1.0,
-            Self::Dielectric(_) => interface.mean_reflectance(cos, above),
+            Self::Dielectric(_) => interface.reflection_probability(cos, above),
             Self::Thin(lobe) => {
                 let lane = |k| lobe.lane_reflectance(k, cos, above, interface);
                 (0..interface.count).map(lane).sum::<f64>() / interface.count as f64

@@ -33,6 +33,7 @@ fn tables(needs: &Needs) -> &'static AlbedoTables {
 
 fn between(above: f64, below: f64, albedos: &'static AlbedoTables) -> Interface<'static> {
     Interface {
+        coating: None,
         albedos,
         ..interface(&[above], &[below])
     }

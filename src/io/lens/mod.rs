@@ -51,6 +51,31 @@ pub enum Format {
     Optiland,
 }
 
+/// Refusal of a file by its name.
+const NO_LENS: &str = "not a lens file (.zmx, .seq, or .json of optiland)";
+
+impl Format {
+    /// The format that the extension of a file says.
+    fn of(path: &Path) -> Option<Self> {
+        let extension = path.extension()?.to_string_lossy().to_lowercase();
+        match extension.as_str() {
+            "zmx" => Some(Self::Zmx),
+            "seq" => Some(Self::Seq),
+            "json" => Some(Self::Optiland),
+            _ => None,
+        }
+    }
+}
+
+/// Reads a lens from the bytes of a file of the name `path`, its kind by its extension.
+///
+/// # Errors
+/// Refusal of the kind of file, or the first thing that is wrong with its line.
+pub fn parse_named(bytes: &[u8], path: &Path, library: &Library) -> Result<Prescription, String> {
+    let format = Format::of(path).ok_or(NO_LENS)?;
+    parse(bytes, format, library).map_err(|e| format!("line {e}"))
+}
+
 /// Reads a lens from the bytes of a file and checks it.
 ///
 /// # Errors
@@ -76,18 +101,7 @@ pub fn parse(bytes: &[u8], format: Format, library: &Library) -> Result<Prescrip
 /// # Errors
 /// A text that begins with the path: what cannot be read, or is wrong at which line.
 pub fn read(path: &Path, library: &Library) -> Result<Prescription, String> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-    let format = match extension.as_deref() {
-        Some("zmx") => Format::Zmx,
-        Some("seq") => Format::Seq,
-        Some("json") => Format::Optiland,
-        _ => {
-            return Err(format!(
-                "{}: not a lens file (.zmx, .seq, or .json of optiland)",
-                path.display()
-            ));
-        }
-    };
+    let format = Format::of(path).ok_or_else(|| format!("{}: {NO_LENS}", path.display()))?;
     let bytes = read_capped(path).map_err(|e| e.to_string())?;
     let mut lens = parse(&bytes, format, library).map_err(|e| format!("{}:{e}", path.display()))?;
     if lens.name.is_empty() {

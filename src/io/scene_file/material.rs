@@ -1,5 +1,6 @@
 //! `[material.NAME]`: lobes and their mixtures.
 
+use super::coating::Coating;
 use super::document::Node;
 use super::error::Problem;
 use super::keys::{
@@ -323,6 +324,9 @@ keys! {
         coated: Option<Given<CoatedKeys>>;
         /// A mixture of at most 4 lobes. `thin` and `dielectric` do not mix.
         mix: Option<Vec<At<Built<LobeKeys>>>>;
+        /// Layers on a smooth `dielectric`, in the order in which light from outside meets them (from
+        /// the side of the normal, where the surface has an `interface`).
+        coating: Option<At<Coating>>, or "none";
         /// A normal map.
         normal: Option<Built<NormalKeys>>, or "none";
         /// The share of the surface that is there; light passes the rest straight. Not for objects
@@ -377,7 +381,18 @@ impl Build for MaterialKeys {
                 alpha: alpha.value,
                 cutoff: self.cutoff,
             }),
+            coating: None,
             single_scattering: !self.multiscatter,
+        };
+        if let (Some(coating), Some(range_nm)) = (&self.coating, cx.range_nm)
+            && let Err(message) = material.check_coating(&coating.value.0, range_nm)
+        {
+            cx.conflict(&coating.at, message);
+        }
+        let coating = self.coating.map(|coating| coating.value.0);
+        let material = Material {
+            coating,
+            ..material
         };
         Some((material, image_of([&lobe_at, &normal_at, &cover_at])))
     }

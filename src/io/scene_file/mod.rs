@@ -5,9 +5,11 @@
 //! meshes included. Each file is read once: bytes, hash, contents. `docs/scene-files.md` is the
 //! reference of every key.
 
+mod coating;
 mod document;
 mod error;
 mod keys;
+mod lens;
 mod light;
 mod material;
 mod medium;

@@ -5,6 +5,7 @@
 use super::document::{Node, Source, scene_hash};
 use super::error::SceneFileErrors;
 use super::keys::{Form, Given, Keys, Spec, Table, Value, keys};
+use super::lens::Lenses;
 use super::light::Lights;
 use super::material::Materials;
 use super::medium::Media;
@@ -48,6 +49,8 @@ keys! {
         mesh: Meshes;
         /// Surfaces.
         object: Objects;
+        /// Lenses, each with all its surfaces.
+        lens: Lenses;
         /// Lights that are no surfaces.
         light: Lights;
     }
@@ -118,7 +121,7 @@ impl SceneKeys {
         let rendering = self.render.and_then(|given| given.0).unwrap_or_default();
         let shutter = cx.shutter.unwrap_or_default();
         let place = |at: &std::ops::Range<usize>| cx.place(at.start);
-        let places = Places {
+        let mut places = Places {
             objects: self.object.0.iter().map(|o| place(&o.at)).collect(),
             lights: self.light.0.iter().map(|l| place(&l.at)).collect(),
             sensors: read.iter().map(|(s, _)| place(&s.at)).collect(),
@@ -153,6 +156,11 @@ impl SceneKeys {
             ambient: MediumId::AMBIENT,
             hash: file_hashes.fold(hash_of_text, |hash, &file| combine(hash, file)),
         };
+        for lens in self.lens.0 {
+            let at = cx.place(lens.at.start);
+            lens.value.add_to(&mut description, cx);
+            places.objects.resize(description.objects.len(), at);
+        }
         models.add_to(&mut description, rendering.units, cx);
         let mut warnings = std::mem::take(&mut cx.warnings);
         warnings.append(&mut cx.notes);

@@ -45,7 +45,7 @@ impl Surface {
                     normal: placement.normal_to_world(n),
                 })
             }
-            Shape::Mesh(_) | Shape::Deforming(_) => None,
+            Shape::Mesh(_) | Shape::Deforming(_) | Shape::Lens(_) => None,
         }
     }
 }
@@ -66,6 +66,6 @@ pub fn is_on_face(instance: &Instance, id: SurfaceId, placement: &Placement, p: 
             across[axis] = 0.0;
             across.max_element() <= 1.0
         }
-        Shape::Mesh(_) | Shape::Deforming(_) => false,
+        Shape::Mesh(_) | Shape::Deforming(_) | Shape::Lens(_) => false,
     }
 }

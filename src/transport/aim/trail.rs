@@ -129,7 +129,9 @@ pub fn place(context: &PathContext, kind: &[ChainLink], lane: usize) -> Option<P
 /// Whether a chain bends each wavelength its own way.
 #[must_use]
 pub fn is_dispersive(context: &PathContext, kind: &[ChainLink]) -> bool {
-    let disperses = |link: &ChainLink| link.transmits && context.interface(link.media).dispersive;
+    let disperses = |link: &ChainLink| {
+        link.transmits && context.interface(link.media, link.id.instance).dispersive
+    };
     kind.iter().any(disperses)
 }
 

@@ -6,7 +6,9 @@
 //! would be seen.
 
 mod absorption;
+mod coating;
 mod emitter;
+mod flux;
 mod fresnel;
 mod furnace;
 mod imaging;

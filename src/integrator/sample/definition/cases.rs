@@ -8,11 +8,14 @@ use crate::light::Light;
 use crate::light::spot::{Falloff, SpotLight};
 use crate::material::{LobeSpec, Material, MaterialId};
 use crate::medium::MediumId;
+use crate::optics::coating::Thickness;
+use crate::optics::{Layer, Stack};
 use crate::scene::builder::look_at;
 use crate::scene::{Scene, SceneBuilder, Settings};
 use crate::spectrum::library::Library;
 use crate::spectrum::{Curve, Emission, Ior};
 use glam::{DAffine3, DMat3, DVec3};
+use std::sync::Arc;
 
 /// A sphere of `n` rings with interpolated normals.
 fn smooth_sphere(n: usize) -> Mesh {
@@ -203,6 +206,25 @@ fn densities_by_definition_of_clear_glass_before_area_lights() {
     ] {
         assert!(seen.contains_key(&strategy), "{strategy:?}");
     }
+}
+
+#[test]
+fn densities_by_definition_of_a_coating_that_absorbs() {
+    let silver = Layer {
+        ior: Library::embedded().ior("metal:Ag").unwrap(),
+        thickness: Thickness::Nm(15.0),
+    };
+    let cover = Layer {
+        ior: Ior::constant(1.38),
+        thickness: Thickness::Nm(120.0),
+    };
+    let coating = Stack {
+        name: "silver".to_owned(),
+        layers: vec![cover, silver],
+        backing: None,
+    };
+    let surface = Material::coated_interface(Arc::new(coating));
+    check("coated", Parts::new().balls(surface).pinhole(), 20, 1.0);
 }
 
 #[test]

@@ -58,7 +58,7 @@ impl Joiner<'_> {
         let context = self.context;
         let scene = context.scene;
         let ng = bounce.surface.normal(p);
-        let interface = context.interface(link.media);
+        let interface = context.interface(link.media, link.id.instance);
         let uv = scene.geometry.texture_coordinates(link.id, p);
         self.scratch.lobes.clear();
         scene

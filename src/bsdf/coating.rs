@@ -1,0 +1,156 @@
+//! Coatings of smooth interfaces, at the wavelengths of a path.
+//!
+//! Where a layer absorbs, less is reflected from one side than from the other; what passes is the
+//! same both ways (Macleod, Thin-Film Optical Filters, 4th ed., section 2.9).
+
+use crate::optics::Stack;
+use crate::optics::coating::{Films, Response};
+use crate::spectrum::SampledWavelengths;
+
+/// The layers between the two media of a surface, per lane.
+#[derive(Clone, Debug)]
+pub struct CoatingLanes {
+    lambda_nm: Vec<f64>,
+    /// Layers as light from above meets them, and as light from below does.
+    films: Vec<[Films; 2]>,
+}
+
+impl CoatingLanes {
+    /// Layers, given as light from above meets them, at the wavelengths of a path.
+    #[must_use]
+    pub fn new(stack: &Stack, wavelengths: &SampledWavelengths) -> Self {
+        let lanes = 0..wavelengths.count();
+        let lambda_nm: Vec<f64> = lanes.map(|k| wavelengths.lambda_nm(k)).collect();
+        let both = |&nm: &f64| {
+            let (from_above, _) = stack.films(nm, 1.0);
+            let mut from_below = from_above.clone();
+            from_below.layers.reverse();
+            [from_above, from_below]
+        };
+        Self {
+            films: lambda_nm.iter().map(both).collect(),
+            lambda_nm,
+        }
+    }
+
+    /// Response in lane `k` to unpolarized light at cosine `cos` in the medium of index `near`, on
+    /// the side `above` or not, before the medium of index `far`.
+    pub(super) fn response(
+        &self,
+        k: usize,
+        cos: f64,
+        above: bool,
+        [near, far]: [f64; 2],
+    ) -> Response {
+        let films = &self.films[k][usize::from(!above)];
+        films.unpolarized(self.lambda_nm[k], near, far.into(), cos)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bsdf::albedo::NO_ALBEDOS;
+    use crate::bsdf::lobe::dielectric::Dielectric;
+    use crate::bsdf::{Bsdf, Interface, Label, Lobe, Side, fresnel};
+    use crate::optics::coating::Thickness;
+    use crate::optics::{Layer, coating};
+    use crate::spectrum::{Ior, Library, MAX_LANES, SampledSpectrum, WavelengthDistribution};
+    use glam::DVec3;
+
+    fn layer(ior: Ior, nm: f64) -> Layer {
+        let thickness = Thickness::Nm(nm);
+        Layer { ior, thickness }
+    }
+
+    #[test]
+    fn energy_is_kept_and_what_passes_is_the_same_both_ways() {
+        let silver = Library::embedded().ior("metal:Ag").expect("in the library");
+        let stack = Stack {
+            name: "silver".to_owned(),
+            layers: vec![layer(Ior::constant(1.38), 120.0), layer(silver, 15.0)],
+            backing: None,
+        };
+        let wavelengths = WavelengthDistribution::uniform([400.0, 700.0]).sample(0.3, 4);
+        let (air, glass) = ([1.0; MAX_LANES], [1.5, 1.52, 1.55, 1.6, 1.0, 1.0, 1.0, 1.0]);
+        let lanes = CoatingLanes::new(&stack, &wavelengths);
+        let interface = Interface {
+            eta_above: &air,
+            eta_below: &glass,
+            count: 4,
+            dispersive: true,
+            coating: Some(&lanes),
+            albedos: &NO_ALBEDOS,
+        };
+        let lobes = [(
+            1.0,
+            Lobe::Dielectric(Dielectric {
+                reflect_tint: SampledSpectrum::ONE,
+                transmit_tint: SampledSpectrum::ONE,
+            }),
+        )];
+        let bsdf = Bsdf {
+            lobes: &lobes,
+            interface,
+        };
+        let mut largest_difference = 0.0_f64;
+        for degrees in [0.0_f64, 20.0, 50.0, 80.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            for (k, &n) in glass.iter().enumerate().take(4) {
+                let below = (1.0 - (sin / n).powi(2)).sqrt();
+                let [r_above, t_above] = interface.response(k, cos, true);
+                let [r_below, t_below] = interface.response(k, below, false);
+                assert!((t_above - t_below).abs() < 1e-12, "{degrees} {k}");
+                let nm = wavelengths.lambda_nm(k);
+                let want = coating::interface(Some(&stack), nm, 1.0, n, cos);
+                assert!((r_above - want.r).abs() < 1e-12 && (t_above - want.t).abs() < 1e-12);
+                assert!((r_above + t_above + want.a - 1.0).abs() < 1e-12);
+                largest_difference = largest_difference.max((r_above - r_below).abs());
+            }
+            // what is drawn stands for what is there: the mean over labels is R + T
+            for (given, above) in [
+                (DVec3::new(sin, 0.0, cos), true),
+                (
+                    DVec3::new(0.4 * sin, 0.0, -(1.0 - 0.16 * sin * sin).sqrt()),
+                    false,
+                ),
+            ] {
+                let probability = |label| bsdf.label_probability(label, given);
+                let sum =
+                    probability(Label::SpecularReflect) + probability(Label::SpecularTransmit);
+                assert!((sum - 1.0).abs() < 1e-15);
+                for u in [0.001, 0.999] {
+                    let sample = bsdf
+                        .sample(given, Side::Camera, [u, 0.5, 0.5])
+                        .expect("goes on");
+                    let k = 0;
+                    let index = usize::from(sample.label == Label::SpecularTransmit);
+                    let want = interface.response(k, given.z.abs(), above)[index];
+                    let found = f64::from(sample.weight[k]) * sample.pdf;
+                    assert!((found - want).abs() < 1e-6, "{degrees} {found} {want}");
+                    let back = bsdf.label_probability(sample.label, sample.w);
+                    assert_eq!(sample.pdf_reverse, back);
+                }
+            }
+        }
+        assert!(largest_difference > 0.05, "{largest_difference}");
+    }
+
+    #[test]
+    fn no_layer_is_no_coating() {
+        let stack = Stack {
+            name: String::new(),
+            layers: vec![layer(Ior::constant(1.4), 0.0)],
+            backing: None,
+        };
+        let wavelengths = WavelengthDistribution::uniform([400.0, 700.0]).sample(0.3, 4);
+        let lanes = CoatingLanes::new(&stack, &wavelengths);
+        for cos in [0.1, 0.5, 0.7, 1.0] {
+            for (above, indices) in [(true, [1.0, 1.5]), (false, [1.5, 1.0])] {
+                let bare = fresnel::dielectric(cos, indices[0], indices[1]);
+                let found = lanes.response(1, cos, above, indices);
+                assert!((found.r - bare).abs() < 1e-14 && (found.t + bare - 1.0).abs() < 1e-14);
+            }
+        }
+    }
+}
