@@ -36,7 +36,7 @@ pub(super) fn bad<T>(i: usize, message: impl Into<String>) -> Result<T, LensBuil
 impl<'a> Builder<'a> {
     pub(super) fn new(lens: &'a Prescription, barrel: Option<f64>) -> Result<Self, LensBuildError> {
         let mut glasses: Vec<Ior> = Vec::new();
-        let mut after = Vec::new();
+        let mut after: Vec<Option<usize>> = Vec::new();
         let (mut forward, mut sense) = (Vec::new(), true);
         let mut widest = 0.0f64;
         if !lens.object_medium.is_air() {
@@ -44,7 +44,7 @@ impl<'a> Builder<'a> {
         }
         for (i, surface) in lens.surfaces[..=lens.last()].iter().enumerate() {
             let is_mirror = surface.interaction == Interaction::Reflect;
-            if is_mirror && i > 0 && after[i - 1] != None {
+            if is_mirror && i > 0 && after[i - 1].is_some() {
                 return bad(i, "a mirror behind glass (allowed: a mirror in air)");
             }
             let ior = (!is_mirror && !surface.medium.is_air()).then_some(&surface.medium.ior);
