@@ -82,7 +82,7 @@ impl Instance {
                     .sum();
                 sum / f64::from(AREA_STEPS).powi(2) * self.shape.area(time)
             }
-            Shape::Lens(lens) => lens.area(|n| stretch(n)),
+            Shape::Lens(lens) => lens.area(stretch),
             Shape::Mesh(mesh) => mesh.mapped_area(placement.to_world.matrix3, time),
             Shape::Deforming(mesh) => mesh.mapped_area(placement.to_world.matrix3, time),
         }

@@ -12,9 +12,10 @@ use super::description::{ObjectDescription, SceneDescription};
 use crate::geometry::{Shape, Transform};
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, Medium, MediumId};
-use crate::optics::Prescription;
+use crate::optics::{Prescription, Stack};
 use crate::spectrum::Ior;
 use glam::{DAffine3, DVec3};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Metres per millimeter.
@@ -33,10 +34,12 @@ pub struct LensBuildError {
 /// Role of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
-    /// Interface between media, by index (`None`: air): on the side of +z, and of -z.
+    /// Interface between media, by index (`None`: air): on the side of +z, and of -z; and its
+    /// coating, by index.
     Interface {
         above: Option<usize>,
         below: Option<usize>,
+        coating: Option<usize>,
     },
     Mirror,
     Black,
@@ -57,6 +60,8 @@ struct Part {
 pub struct LensAssembly {
     parts: Vec<Part>,
     glasses: Vec<Ior>,
+    /// Layers as light from the side of +z meets them.
+    coatings: Vec<Arc<Stack>>,
 }
 
 impl LensAssembly {
@@ -90,18 +95,28 @@ impl LensAssembly {
             .map(|ior| medium(&mut scene.media, ior))
             .collect();
         let of = |side: Option<usize>| side.map_or(MediumId::AMBIENT, |i| media[i]);
-        let mut materials = [None; 2];
+        let mut mirror = None;
+        let mut interfaces = vec![None; self.coatings.len() + 1];
         for part in self.parts {
             let (material, boundary) = match part.role {
                 Role::Black => (black, Boundary::None),
                 Role::Mirror => {
-                    let id = materials[0]
-                        .get_or_insert_with(|| add_material(scene, Material::mirror(1.0)));
+                    let id =
+                        mirror.get_or_insert_with(|| add_material(scene, Material::mirror(1.0)));
                     (*id, Boundary::None)
                 }
-                Role::Interface { above, below } => {
-                    let id = materials[1]
-                        .get_or_insert_with(|| add_material(scene, Material::interface(0.0)));
+                Role::Interface {
+                    above,
+                    below,
+                    coating,
+                } => {
+                    let id = interfaces[coating.map_or(0, |i| i + 1)].get_or_insert_with(|| {
+                        let material = coating.map_or_else(
+                            || Material::interface(0.0),
+                            |i| Material::coated_interface(Arc::clone(&self.coatings[i])),
+                        );
+                        add_material(scene, material)
+                    });
                     let (above, below) = (of(above), of(below));
                     (*id, Boundary::Interface { above, below })
                 }

@@ -2,7 +2,7 @@
 
 use abbe::io::lens;
 use abbe::io::scene_file::parse_str;
-use abbe::medium::Boundary;
+use abbe::medium::{Boundary, MediumId};
 use abbe::optics::{Aperture, Interaction, Outline, Prescription};
 use abbe::scene::description::SceneDescription;
 use abbe::scene::{LensAssembly, Scene};
@@ -54,6 +54,30 @@ fn every_lens_of_the_repository_stands_in_a_scene() {
         Scene::build(description).unwrap_or_else(|e| panic!("{file}: {e}"));
     }
     assert!(count >= 8, "{count} lenses");
+}
+
+#[test]
+fn coatings_lie_between_air_and_glass_with_their_first_layer_in_air() {
+    let description = scene(
+        "file = \"achromat.zmx\"\ncoating = [{ eta = 1.38, thickness_nm = 100 }, { eta = 2, \
+         thickness_nm = 50 }]",
+    );
+    let mut coated = 0;
+    for object in &description.objects {
+        let Boundary::Interface { above, below } = object.boundary else {
+            continue;
+        };
+        let coating = &description.materials[object.material.0 as usize].coating;
+        let has_air = [above, below].contains(&MediumId::AMBIENT);
+        assert_eq!(coating.is_some(), has_air, "{}", object.name);
+        if let Some(stack) = coating {
+            // a material names them from above
+            let from_air = if above == MediumId::AMBIENT { 0 } else { 1 };
+            assert_eq!(stack.layers[from_air].ior.n(500.0), 1.38, "{}", object.name);
+            coated += 1;
+        }
+    }
+    assert_eq!(coated, 2);
 }
 
 #[test]

@@ -19,6 +19,7 @@ mod equality;
 mod hard_cases;
 mod harness;
 mod lanes;
+mod lens;
 mod merging;
 mod models;
 mod motion;

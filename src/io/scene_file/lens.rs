@@ -1,5 +1,6 @@
 //! `[[lens]]`: a table of surfaces, or a lens file, as objects of the scene.
 
+use super::coating::Coating;
 use super::document::Node;
 use super::keys::{
     Build, Built, FINITE, Form, Keys, NON_NEGATIVE, POSITIVE, Spec, Table, Value, keys,
@@ -12,11 +13,11 @@ use super::value::{At, FileName, GlassName, Name, items};
 use crate::geometry::{Link, Transform};
 use crate::io::glass::MAX_FILE_BYTES;
 use crate::io::lens;
-use crate::material::MaterialId;
+use crate::material::{Material, MaterialId};
 use crate::optics::prescription::{
     Break, FieldKind, Medium, Prescription, Surface, SystemAperture, Wavelength,
 };
-use crate::optics::{Aperture, Interaction, Outline, Profile};
+use crate::optics::{Aperture, Interaction, Outline, Profile, Stack};
 use crate::scene::description::SceneDescription;
 use crate::scene::{LensAssembly, LensBuildError};
 use glam::{DAffine3, DVec2, DVec3};
@@ -55,6 +56,8 @@ keys! {
         rectangle: Option<[f64; 2]>, in POSITIVE, unit "mm";
         /// Center of the aperture.
         center: [f64; 2], in FINITE, unit "mm", default [0.0, 0.0];
+        /// Layers between air and glass or two glasses, in the order in which light meets them.
+        coating: Option<At<Coating>>, or "that of the lens";
         /// Whether it reflects all light, from both sides.
         mirror: bool, default false;
         /// Moves the surface, and those after it in the same glass.
@@ -109,12 +112,20 @@ impl Build for LensSurfaceKeys {
             }
             None => Medium::air(),
         };
+        let coating = self.coating.as_ref().and_then(|given| checked(given, cx));
+        if let (Some(given), true) = (&self.coating, self.mirror) {
+            cx.conflict(
+                &given.at,
+                "a mirror reflects all light (allowed: no coating)",
+            );
+        }
         table.sound(cx)?;
         let aperture = Aperture {
             outline,
             center: DVec2::from_array(self.center),
         };
         let mut surface = Surface::new(profile?, aperture, self.thickness, medium);
+        surface.coating = coating;
         if self.mirror {
             surface.interaction = Interaction::Reflect;
         }
@@ -193,6 +204,8 @@ keys! {
         file: Option<At<FileName>>;
         /// The surfaces, at most 999, in the order in which light meets them, without an image.
         surface: Vec<At<Built<LensSurfaceKeys>>>;
+        /// Coating of every surface between air and glass that has none, as light from air meets it.
+        coating: Option<At<Coating>>, or "none";
         /// Radius of a black tube around the lens that holds its elements and stops.
         barrel: Option<f64>, in POSITIVE, unit "mm", or "none";
         /// Steps that place it, applied in order.
@@ -242,9 +255,16 @@ impl Build for LensKeys {
             cx.conflict(&table.at, message);
             return None;
         }
+        let coating = match &self.coating {
+            Some(given) => Some(checked(given, cx)?),
+            None => None,
+        };
         let assembly = match self.file {
-            Some(file) if chosen == "file" => from_file(&file, self.barrel, cx)?,
-            _ => from_table(self.surface, &table.span("surface"), self.barrel, cx)?,
+            Some(file) if chosen == "file" => from_file(&file, coating.as_ref(), self.barrel, cx)?,
+            _ => {
+                let at = table.span("surface");
+                from_table(self.surface, &at, coating.as_ref(), self.barrel, cx)?
+            }
         };
         let name = self.name.map(|n| n.value.0);
         let placed = PlacedLens {
@@ -257,14 +277,39 @@ impl Build for LensKeys {
     }
 }
 
+/// A coating that can be on glass at the wavelengths of the scene.
+fn checked(given: &At<Coating>, cx: &mut Reader<'_>) -> Option<Stack> {
+    let stack = &given.value.0;
+    let checked = Material::interface(0.0).check_coating(stack, cx.range_nm?);
+    match checked {
+        Ok(()) => Some((**stack).clone()),
+        Err(message) => {
+            cx.conflict(&given.at, message);
+            None
+        }
+    }
+}
+
+/// Coats what has no coating of its own.
+fn coat(lens: &mut Prescription, coating: Option<&Stack>) {
+    let Some(coating) = coating else { return };
+    let own: Vec<Option<Stack>> = lens.surfaces.iter().map(|s| s.coating.clone()).collect();
+    lens.coat(coating);
+    for (surface, own) in lens.surfaces.iter_mut().zip(own) {
+        surface.coating = own.or(surface.coating.take());
+    }
+}
+
 fn from_file(
     file: &At<FileName>,
+    coating: Option<&Stack>,
     barrel: Option<f64>,
     cx: &mut Reader<'_>,
 ) -> Option<LensAssembly> {
     let path = cx.find(file, MAX_FILE_BYTES)?;
     let bytes = cx.bytes(file, &path)?;
-    let made = lens::parse_named(&bytes, &path, cx.library).and_then(|prescription| {
+    let made = lens::parse_named(&bytes, &path, cx.library).and_then(|mut prescription| {
+        coat(&mut prescription, coating);
         let assembly = LensAssembly::new(&prescription, barrel).map_err(|error| {
             let line = prescription.surfaces[error.surface - 1].line;
             format!("line {line}: {error}")
@@ -289,13 +334,15 @@ fn from_file(
 fn from_table(
     rows: Vec<At<Built<LensSurfaceKeys>>>,
     at: &Span<usize>,
+    coating: Option<&Stack>,
     barrel: Option<f64>,
     cx: &mut Reader<'_>,
 ) -> Option<LensAssembly> {
     let places: Vec<Span<usize>> = rows.iter().map(|row| row.at.clone()).collect();
     let rows = rows.into_iter().map(|row| row.value.0).collect();
     let [low, high] = cx.range_nm?;
-    let prescription = prescription(rows, (low + high) / 2.0);
+    let mut prescription = prescription(rows, (low + high) / 2.0);
+    coat(&mut prescription, coating);
     let made = prescription
         .validate()
         .map_err(|e| (e.surface, e.to_string()))

@@ -36,7 +36,7 @@ pub(super) fn bad<T>(i: usize, message: impl Into<String>) -> Result<T, LensBuil
 impl<'a> Builder<'a> {
     pub(super) fn new(lens: &'a Prescription, barrel: Option<f64>) -> Result<Self, LensBuildError> {
         let mut glasses: Vec<Ior> = Vec::new();
-        let mut after = Vec::new();
+        let mut after: Vec<Option<usize>> = Vec::new();
         let (mut forward, mut sense) = (Vec::new(), true);
         let mut widest = 0.0f64;
         if !lens.object_medium.is_air() {
@@ -44,7 +44,7 @@ impl<'a> Builder<'a> {
         }
         for (i, surface) in lens.surfaces[..=lens.last()].iter().enumerate() {
             let is_mirror = surface.interaction == Interaction::Reflect;
-            if is_mirror && i > 0 && after[i - 1] != None {
+            if is_mirror && i > 0 && after[i - 1].is_some() {
                 return bad(i, "a mirror behind glass (allowed: a mirror in air)");
             }
             let ior = (!is_mirror && !surface.medium.is_air()).then_some(&surface.medium.ior);
@@ -73,7 +73,11 @@ impl<'a> Builder<'a> {
             after,
             forward,
             widest,
-            out: LensAssembly { parts, glasses },
+            out: LensAssembly {
+                parts,
+                glasses,
+                coatings: Vec::new(),
+            },
         })
     }
 
@@ -226,6 +230,32 @@ impl<'a> Builder<'a> {
         }
     }
 
+    /// The coating of a surface, by index.
+    fn coating(&mut self, i: usize) -> Result<Option<usize>, LensBuildError> {
+        let Some(stack) = &self.lens.surfaces[i].coating else {
+            return Ok(None);
+        };
+        if stack.backing.is_some() {
+            let name = &stack.name;
+            return bad(
+                i,
+                format!("the coating {name} is a mirror on a metal, which lets nothing through"),
+            );
+        }
+        // it is given as light meets it, which comes from -z where it goes along +z
+        let from_above = if self.forward[i] {
+            stack.reversed()
+        } else {
+            stack.clone()
+        };
+        let coatings = &mut self.out.coatings;
+        let known = coatings.iter().position(|c| **c == from_above);
+        Ok(Some(known.unwrap_or_else(|| {
+            coatings.push(Arc::new(from_above));
+            coatings.len() - 1
+        })))
+    }
+
     /// Surfaces with glass between them, and the edge around them.
     fn group(&mut self, range: RangeInclusive<usize>) -> Result<(), LensBuildError> {
         let (first, last) = (*range.start(), *range.end());
@@ -243,7 +273,13 @@ impl<'a> Builder<'a> {
                 } else {
                     (behind, ahead)
                 };
-                self.clear_part(i, Role::Interface { above, below })?;
+                let coating = self.coating(i)?;
+                let role = Role::Interface {
+                    above,
+                    below,
+                    coating,
+                };
+                self.clear_part(i, role)?;
             }
         }
         let to_first = self.frame(first).inverse();

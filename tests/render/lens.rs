@@ -1,0 +1,367 @@
+//! Lenses of surfaces rendered: spots against the trace of the same prescription, ghosts, and
+//! integrators against each other.
+
+use crate::harness::{Estimate, line_images, measure, scene_in, with};
+use abbe::io::lens;
+use abbe::io::scene_file::parse_str;
+use abbe::optics::{Event, Prescription, Ray, System};
+use abbe::scene::Scene;
+use abbe::scene::settings::IntegratorKind;
+use abbe::spectrum::Library;
+use glam::{DVec2, DVec3};
+use std::f64::consts::{PI, TAU};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+const D_NM: f64 = 587.5618;
+
+fn lenses() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/lenses")
+}
+
+fn vector(v: DVec3) -> String {
+    format!("[{}, {}, {}]", v.x, v.y, v.z)
+}
+
+/// Power and place of the light of a beam behind a lens.
+#[derive(Clone, Copy, Debug)]
+struct Spot {
+    /// Share of the beam that arrives.
+    share: f64,
+    centroid: DVec2,
+    rms: f64,
+}
+
+impl Spot {
+    /// Of weighted points, whose weights are shares of `total`.
+    fn new(points: &[(f64, DVec2)], total: f64) -> Self {
+        let power: f64 = points.iter().map(|p| p.0).sum();
+        let centroid = points.iter().map(|p| p.0 * p.1).sum::<DVec2>() / power;
+        let off = |p: &(f64, DVec2)| p.0 * (p.1 - centroid).length_squared();
+        Self {
+            share: power / total,
+            centroid,
+            rms: (points.iter().map(off).sum::<f64>() / power).sqrt(),
+        }
+    }
+}
+
+/// Transmittance of a surface without polarization.
+fn transmittance(event: &Event, before: f64, after: f64) -> f64 {
+    let cos_in = event.incoming.dot(event.normal).abs();
+    let cos_out = event.outgoing.dot(event.normal).abs();
+    let s = (before * cos_in - after * cos_out) / (before * cos_in + after * cos_out);
+    let p = (after * cos_in - before * cos_out) / (after * cos_in + before * cos_out);
+    1.0 - 0.5 * (s * s + p * p)
+}
+
+/// A beam, millimeters.
+struct Beam {
+    start: DVec3,
+    direction: DVec3,
+    radius: f64,
+}
+
+impl Beam {
+    /// A beam at `degrees` to the axis in the yz plane, toward the vertex of the first surface.
+    fn tilted(degrees: f64, radius: f64) -> Self {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let direction = DVec3::new(0.0, sin, cos);
+        Self {
+            start: -30.0 * direction,
+            direction,
+            radius,
+        }
+    }
+
+    /// The spot that rays of the whole beam make in the trace: apertures, Fresnel's losses and the
+    /// absorption of the glasses included.
+    fn traced(&self, lens: &Prescription) -> Spot {
+        let system = System::new(lens, D_NM);
+        let indices = system.indices();
+        let (x, y) = (DVec3::X, self.direction.cross(DVec3::X));
+        let mut points = Vec::new();
+        let n = 400;
+        for i in 0..n * n {
+            let [u, v] = [i / n, i % n].map(|k| (f64::from(k) + 0.5) / f64::from(n));
+            let at = DVec2::from_angle(TAU * v) * (u.sqrt() * self.radius);
+            let ray = Ray {
+                o: self.start + x * at.x + y * at.y,
+                d: self.direction,
+            };
+            let mut weight = 1.0;
+            let image = lens.surfaces.len() - 1;
+            let arrived = system.trace(ray, true, |e| {
+                let k = lens.medium_before(e.surface).ior.k(D_NM);
+                weight *= (-4.0 * PI * k / (D_NM * 1e-6) * e.distance).exp();
+                if e.surface < image {
+                    weight *= transmittance(e, indices[e.surface], indices[e.surface + 1]);
+                }
+            });
+            if let Ok(end) = arrived {
+                points.push((weight, end.o.truncate()));
+            }
+        }
+        Spot::new(&points, f64::from(n * n))
+    }
+
+    fn text(&self, place: &Place) -> String {
+        let start = place.at(self.start);
+        let [s, d] = [start, self.direction].map(vector);
+        let radius = self.radius * place.scale;
+        format!(
+            "[[light]]\nbeam = {{ position = {s}, direction = {d}, radius = {radius}, irradiance = \
+             1 }}\n"
+        )
+    }
+}
+
+/// Where a bench stands, and how large it is.
+struct Place {
+    offset: DVec3,
+    scale: f64,
+    /// Whether its glasses absorb, which they do over lengths of their own.
+    absorbs: bool,
+}
+
+impl Place {
+    const HERE: Self = Self {
+        offset: DVec3::ZERO,
+        scale: 1.0,
+        absorbs: true,
+    };
+
+    fn at(&self, p: DVec3) -> DVec3 {
+        self.offset + p * self.scale
+    }
+}
+
+/// Columns and rows of detectors.
+const PIXELS: u32 = 192;
+/// Half the edge of a detector, in rms radii of the spot that is expected.
+const HALF: f64 = 8.0;
+
+const SPOT: &str = r#"
+unit = "mm"
+[render]
+integrator = "light"
+max_depth = DEPTH
+wavelengths = { line_nm = 587.5618 }
+[[sensor]]
+resolution = [192, 192]
+detector = { center = CENTER, u = [-HALF, 0, 0], v = [0, HALF, 0] }
+[[lens]]
+file = "FILE"
+transform = [{ scale = SCALE }, { translate = OFFSET }]
+"#;
+
+/// Spots in batches, on a detector around the one that is expected.
+fn rendered(
+    file: &str,
+    beam: &Beam,
+    lens: &Prescription,
+    around: &Spot,
+    integrator: IntegratorKind,
+    batches: u32,
+    place: &Place,
+) -> Vec<Spot> {
+    let n = PIXELS;
+    let half = HALF * around.rms;
+    let z = lens.frames().last().expect("an image").origin.z;
+    let at = around.centroid;
+    // surfaces that bend light: one path only, and none that is reflected
+    let bends = (0..lens.surfaces.len() - 1)
+        .filter(|&i| lens.medium_before(i).ior != lens.surfaces[i].medium.ior)
+        .count();
+    let text = SPOT
+        .replace("DEPTH", &bends.to_string())
+        .replace("CENTER", &vector(place.at(at.extend(z))))
+        .replace("HALF", &(half * place.scale).to_string())
+        .replace("SCALE", &place.scale.to_string())
+        .replace("OFFSET", &vector(place.offset))
+        .replace("FILE", file)
+        + &beam.text(place);
+    let loaded = parse_str(&text, &lenses()).unwrap_or_else(|e| panic!("{e}"));
+    let (mut description, settings) = (loaded.description, loaded.settings);
+    for medium in &mut description.media {
+        medium.use_k &= place.absorbs;
+    }
+    let scene = Arc::new(Scene::build(description).unwrap_or_else(|e| panic!("{e}")));
+    let pitch = 2.0 * half / f64::from(n);
+    let beam_area = PI * beam.radius * beam.radius;
+    line_images(&scene, 0, &with(&settings, integrator), batches, 1)
+        .into_iter()
+        .map(|lines| {
+            let points: Vec<(f64, DVec2)> = (0..n * n)
+                .map(|i| {
+                    let x = (f64::from(i % n) + 0.5) * pitch - half;
+                    let y = half - (f64::from(i / n) + 0.5) * pitch;
+                    let power = lines[0][i as usize] * pitch * pitch;
+                    // u points along -x, so that the detector faces the light
+                    (power, at + DVec2::new(-x, y))
+                })
+                .collect();
+            let mut spot = Spot::new(&points, beam_area);
+            // a pixel spreads what falls on it over pitch²/12 in each direction
+            spot.rms = (spot.rms * spot.rms - pitch * pitch / 6.0).max(0.0).sqrt();
+            spot
+        })
+        .collect()
+}
+
+/// Centroid within 0.1 pixel, rms within 0.5 %, and the share of the beam, each with standard
+/// errors below a third of that.
+fn compare(what: &str, found: &[Spot], expected: &Spot, share: f64) {
+    let pitch = 2.0 * HALF * expected.rms / f64::from(PIXELS);
+    let of = |f: &dyn Fn(&Spot) -> f64| {
+        let values: Vec<f64> = found.iter().map(f).collect();
+        Estimate::from_batches(&values)
+    };
+    let near = |name: &str, found: Estimate, expected: f64, tolerance: f64| {
+        println!("{what}: {name} {found:?}, traced {expected}");
+        assert!(
+            found.error <= tolerance / 3.0,
+            "{what}: {name}: {found:?} does not tell"
+        );
+        assert!(
+            (found.mean - expected).abs() <= tolerance,
+            "{what}: {name} {found:?}, traced {expected}, allowed {tolerance}"
+        );
+    };
+    near("x", of(&|s| s.centroid.x), expected.centroid.x, 0.1 * pitch);
+    near("y", of(&|s| s.centroid.y), expected.centroid.y, 0.1 * pitch);
+    near("rms", of(&|s| s.rms), expected.rms, 5e-3 * expected.rms);
+    near("share", of(&|s| s.share), expected.share, share);
+}
+
+fn read(file: &str) -> Prescription {
+    lens::read(&lenses().join(file), Library::embedded()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A cemented achromat at d, off the axis, by light tracing and by bdpt.
+#[test]
+fn achromat_spot() {
+    let (file, place) = ("achromat.zmx", &Place::HERE);
+    let lens = read(file);
+    let beam = Beam::tilted(2.0, 10.0);
+    let expected = beam.traced(&lens);
+    let (light, bdpt) = (IntegratorKind::Light, IntegratorKind::Bdpt);
+    for (integrator, batches, share) in [(light, 40, 1e-3), (bdpt, 16, 2e-3)] {
+        let found = rendered(file, &beam, &lens, &expected, integrator, batches, place);
+        compare(&format!("{integrator:?}"), &found, &expected, share);
+    }
+}
+
+/// Six elements, a stop between, 10 degrees off the axis: what the apertures cut is cut.
+#[test]
+fn double_gauss_spot() {
+    let (file, place) = ("double_gauss.zmx", &Place::HERE);
+    let lens = read(file);
+    let beam = Beam::tilted(10.0, 16.0);
+    let expected = beam.traced(&lens);
+    let light = IntegratorKind::Light;
+    let found = rendered(file, &beam, &lens, &expected, light, 24, place);
+    compare("double Gauss", &found, &expected, 2e-3);
+}
+
+/// The bench 10 m from the origin, in micrometers and in kilometers: the same spot, of the same
+/// random numbers, but for light at the border of two pixels.
+#[test]
+fn benches_may_be_anywhere_and_of_any_size() {
+    let lens = read("achromat.zmx");
+    let beam = Beam::tilted(2.0, 10.0);
+    let expected = beam.traced(&lens);
+    let spot = |offset, scale| {
+        let place = &Place {
+            offset,
+            scale,
+            absorbs: false,
+        };
+        let light = IntegratorKind::Light;
+        rendered("achromat.zmx", &beam, &lens, &expected, light, 1, place)[0]
+    };
+    let here = spot(DVec3::ZERO, 1.0);
+    let far = DVec3::new(10_000.0, -7_000.0, 3_000.0);
+    for (offset, scale) in [(far, 1.0), (DVec3::ZERO, 1e-3), (DVec3::ZERO, 1e6)] {
+        let there = spot(offset, scale);
+        let what = format!("{offset} {scale}: {there:?}, here {here:?}");
+        let moved = (there.centroid - here.centroid).length();
+        assert!(moved < 1e-5 * here.rms, "{what}");
+        assert!((there.rms / here.rms - 1.0).abs() < 1e-5, "{what}");
+        assert!((there.share / here.share - 1.0).abs() < 1e-5, "{what}");
+    }
+}
+
+/// Light that the back and then the front of a singlet reflect has R² of the power of the light
+/// that none reflects.
+#[test]
+fn ghost_of_a_singlet() {
+    let text = r#"
+unit = "mm"
+[render]
+integrator = "light"
+max_depth = 4
+wavelengths = { line_nm = 587.5618 }
+[[sensor]]
+resolution = [128, 128]
+detector = { center = [0, 0, 30], u = [-20, 0, 0], v = [0, 20, 0] }
+[[lens]]
+surface = [
+    { radius = 60, thickness = 2, glass = "schott:N-SF66", semi_diameter = 10 },
+    { radius = -60, semi_diameter = 10 },
+]
+[[light]]
+beam = { position = [0, 0, -5], direction = [0, 0, 1], radius = 0.2, irradiance = 1 }
+"#;
+    let (scene, settings) = scene_in(&lenses(), text);
+    let found = measure(&scene, &settings, 16, 8, &["LSSE", "LSSSSE"]);
+    let index = Library::embedded()
+        .ior("schott:N-SF66")
+        .expect("known")
+        .n(D_NM);
+    let reflectance = ((index - 1.0) / (index + 1.0)).powi(2);
+    let ratio = found.classes[1].scaled(1.0 / found.classes[0].mean);
+    // a beam within 0.01 rad of the normals changes R by 1e-4 of it
+    ratio.assert_is("ghost over direct light", reflectance * reflectance, 0.01);
+}
+
+/// A lamp through a lens with a cemented surface, an asphere, a stop, and an air gap of 1 um: from
+/// the lamp, from the detector and by both the same.
+#[test]
+fn integrators_agree_behind_a_lens() {
+    let text = r#"
+unit = "mm"
+[render]
+max_depth = 6
+[[sensor]]
+resolution = [8, 8]
+detector = { center = [1, 0, 24], u = [-4, 0, 0], v = [0, 4, 0] }
+[[lens]]
+barrel = 8
+surface = [
+    { radius = 20, thickness = 4, glass = "schott:N-BK7", semi_diameter = 7 },
+    { radius = -22, thickness = 2, glass = "schott:SF5", semi_diameter = 7 },
+    { radius = -60, thickness = 0.001, semi_diameter = 7 },
+    { radius = -60, thickness = 2, glass = "schott:N-BK7", semi_diameter = 7 },
+    { radius = 50, even = [0, 2e-5], thickness = 1, semi_diameter = 6.5 },
+    { semi_diameter = 5 },
+]
+transform = [{ rotate = { axis = [1, 0, 0], deg = 5 } }]
+[[object]]
+disk = { center = [0, 0, -12], normal = [0, 0, 1], radius = 9 }
+emission = { name = "D65", luminance = 1 }
+"#;
+    let (scene, settings) = scene_in(&lenses(), text);
+    let of = |integrator, passes| measure(&scene, &with(&settings, integrator), 16, passes, &[]).y;
+    let path = of(IntegratorKind::Path, 128);
+    for integrator in [IntegratorKind::Light, IntegratorKind::Bdpt] {
+        let other = of(integrator, 512);
+        println!("path {path:?}, {integrator:?} {other:?}");
+        assert!(path.mean > 0.0 && path.error < 0.02 * path.mean, "{path:?}");
+        assert!(other.error < 0.02 * other.mean, "{other:?}");
+        assert!(
+            path.deviation(&other) < 4.5,
+            "path {path:?}, {integrator:?} {other:?}"
+        );
+    }
+}
