@@ -42,7 +42,7 @@ pub struct Contribution {
 }
 
 impl Contribution {
-    /// What sets techniques of the same (s, t) apart in names of layers: nothing for joins.
+    /// Letter that sets techniques of the same (s, t) apart in names of layers: none for joins.
     #[must_use]
     pub fn mark(&self) -> &'static str {
         if self.merged {

@@ -53,7 +53,7 @@ impl Far {
 /// A specular vertex of a chain.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounce {
-    /// What it lies on.
+    /// Surface that it lies on.
     pub surface: Surface,
     /// Transmits; else reflects.
     pub transmits: bool,

@@ -27,7 +27,7 @@ const MOST_CHAINS: usize = 16;
 struct Start {
     id: LightId,
     x0: EndPoint,
-    /// Its density as light is emitted, the choice of the light included.
+    /// Density of the point as light is emitted, the choice of the light included.
     pdf: f64,
     stack: MediumStack,
 }

@@ -118,11 +118,14 @@ impl Traced {
     }
 }
 
+/// A chain with its name: bounces, indices of its segments, and both ends.
+type Case = (&'static str, Vec<Bounce>, Vec<f64>, DVec3, DVec3);
+
 /// Asserts of random chains of a kind that weights sum to 1. Share of them for which this is within
 /// 1e-9.
 fn sums_to_one(kind: Kind, world: &World, index: f64, near: f64, rounds: usize) -> f64 {
     let mut random = Random(11);
-    let (mut exact, mut all) = (0, 0);
+    let (mut exact, mut all) = (0, 0_u32);
     for round in 0..rounds {
         if let Some(chain) = random_chain(kind, world, index, near, &mut random) {
             let what = format!("{kind:?} {index} {world:?} {round}");
@@ -131,7 +134,7 @@ fn sums_to_one(kind: Kind, world: &World, index: f64, near: f64, rounds: usize) 
         }
     }
     assert!(all > 5, "{kind:?}: {all}");
-    exact as f64 / all as f64
+    exact as f64 / f64::from(all)
 }
 
 #[test]
@@ -188,7 +191,7 @@ fn edge_chains(delta: f64) -> Vec<(&'static str, Traced)> {
     let out = critical / 0.9;
     let [up, aside] = [DVec3::Z, DVec3::X * 3.0];
     let near = DVec3::X * (1.0 - delta);
-    let cases: [(&str, Vec<Bounce>, Vec<f64>, DVec3, DVec3); 11] = [
+    let cases: [Case; 11] = [
         (
             "critical, plane",
             vec![bounce(plane(0.0, up), true, false)],

@@ -1,4 +1,4 @@
-//! What a bridge knows of its ends and of the vertices of its chain once the chain is solved.
+//! Knowledge of the ends and the vertices of a bridge once its chain is solved.
 
 use super::super::Joiner;
 use super::super::end::{EndLabel, Receiver};
@@ -17,7 +17,7 @@ use crate::transport::subpath::Subpath;
 use crate::transport::throughput::Throughput;
 use glam::{DVec2, DVec3};
 
-/// What is known of one end once the direction to the chain is.
+/// Knowledge of one end once the direction to the chain is.
 pub(super) struct Reached {
     /// All factors of this side but those of lanes, and those.
     pub weight: Throughput,
