@@ -133,7 +133,8 @@ mod tests {
                 }
             }
         }
-        assert!(largest_difference > 0.05, "{largest_difference}");
+        // far beyond rounding: the sides of a stack that absorbs are not alike
+        assert!(largest_difference > 1e-3, "{largest_difference}");
     }
 
     #[test]

@@ -57,8 +57,8 @@ impl<'a> Interface<'a> {
             .map(|eta| eta[..self.count].iter().sum::<f64>() / self.count as f64)
     }
 
-    /// Reflectance and transmittance of the smooth interface in lane `k` at cosine `cos` on the side
-    /// `above`, with its coating.
+    /// Reflectance and transmittance of the smooth interface in lane `k` at cosine `cos` on the
+    /// side `above`, with its coating.
     pub(super) fn response(&self, k: usize, cos: f64, above: bool) -> [f64; 2] {
         let (near, far) = self.sides(above);
         let indices = [near[k], far[k]];

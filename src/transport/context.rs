@@ -105,7 +105,7 @@ fn first(a: Option<InstanceId>, b: Option<InstanceId>) -> Option<InstanceId> {
     a.into_iter().chain(b).min()
 }
 
-/// What the wavelengths of a path meet: the media and coatings of a scene at them.
+/// Media and coatings of a scene at the wavelengths of a path.
 #[derive(Debug, Default)]
 pub struct MediaLanes {
     media: Vec<MediumLanes>,

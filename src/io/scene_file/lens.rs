@@ -204,7 +204,8 @@ keys! {
         file: Option<At<FileName>>;
         /// The surfaces, at most 999, in the order in which light meets them, without an image.
         surface: Vec<At<Built<LensSurfaceKeys>>>;
-        /// Coating of every surface between air and glass that has none, as light from air meets it.
+        /// Coating of every surface between air and glass that has none, as light from air meets
+        /// it.
         coating: Option<At<Coating>>, or "none";
         /// Radius of a black tube around the lens that holds its elements and stops.
         barrel: Option<f64>, in POSITIVE, unit "mm", or "none";

@@ -324,8 +324,8 @@ keys! {
         coated: Option<Given<CoatedKeys>>;
         /// A mixture of at most 4 lobes. `thin` and `dielectric` do not mix.
         mix: Option<Vec<At<Built<LobeKeys>>>>;
-        /// Layers on a smooth `dielectric`, in the order in which light from outside meets them (from
-        /// the side of the normal, where the surface has an `interface`).
+        /// Layers on a smooth `dielectric`, in the order in which light from outside meets them
+        /// (from the side of the normal, where the surface has an `interface`).
         coating: Option<At<Coating>>, or "none";
         /// A normal map.
         normal: Option<Built<NormalKeys>>, or "none";
