@@ -139,7 +139,7 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [400, 150, 160],
+        passes: [220, 110, 90],
         classes: &["LDE", "LDDE", "LDSSE"],
         specular_in_view: true,
         resolution: 2.5e-3,
