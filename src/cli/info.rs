@@ -63,7 +63,7 @@ fn chains(loaded: &Loaded) -> String {
         return String::new();
     }
     let mut kinds: BTreeMap<String, usize> = BTreeMap::new();
-    for kind in scene.chains.kinds() {
+    for kind in scene.chains().kinds() {
         let name = |link: &ChainLink| {
             let label = if link.transmits { "T" } else { "R" };
             format!("{label} {}", scene.object(link.id.instance).name)
@@ -81,7 +81,7 @@ fn chains(loaded: &Loaded) -> String {
     };
     let mut text = format!(
         "chains\n  {all} kinds, {} more left out; {why}\n",
-        scene.chains.left_out()
+        scene.chains().left_out()
     );
     for (name, count) in kinds.iter().take(TOLD_CHAINS) {
         _ = writeln!(text, "  {count:>5}  {name}");

@@ -38,6 +38,14 @@ impl EndPoint {
         }
     }
 
+    /// The point of the scene's geometry that it is, without texture coordinates; `None` where it
+    /// is none.
+    #[must_use]
+    pub fn surface_point(&self) -> Option<SurfacePoint> {
+        let point = |id| SurfacePoint::flat(self.p, self.n, id);
+        self.surface.map(point)
+    }
+
     /// A point without extent.
     #[must_use]
     pub fn at(p: DVec3) -> Self {

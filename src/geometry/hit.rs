@@ -39,3 +39,17 @@ pub struct SurfacePoint {
     /// Face and instance.
     pub id: SurfaceId,
 }
+
+impl SurfacePoint {
+    /// A point whose two normals are one, without texture coordinates.
+    #[must_use]
+    pub fn flat(p: DVec3, n: DVec3, id: SurfaceId) -> Self {
+        Self {
+            p,
+            ng: n,
+            ns: n,
+            uv: DVec2::ZERO,
+            id,
+        }
+    }
+}

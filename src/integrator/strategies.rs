@@ -82,7 +82,7 @@ pub fn strategies(
 #[must_use]
 pub fn aims(settings: &Settings, scene: &Scene, sensor: usize) -> Aims {
     let integrator = settings.integrator;
-    if settings.aim == Aiming::Off || integrator.merges() || scene.chains.kinds().is_empty() {
+    if settings.aim == Aiming::Off || integrator.merges() || scene.chains().kinds().is_empty() {
         return Aims::NONE;
     }
     let camera = &scene.sensors[sensor].camera.kind;

@@ -113,15 +113,9 @@ impl AreaLight {
     }
 
     fn area_density(&self, geometry: &AccelAt, x0: &EndPoint) -> f64 {
-        let Some(id) = x0.surface.filter(|s| s.instance == self.instance) else {
+        let own = |point: &SurfacePoint| point.id.instance == self.instance;
+        let Some(point) = x0.surface_point().filter(own) else {
             return 0.0;
-        };
-        let point = SurfacePoint {
-            p: x0.p,
-            ng: x0.n,
-            ns: x0.n,
-            uv: DVec2::ZERO,
-            id,
         };
         self.sampler
             .pdf(self.surface(geometry), &point, geometry.moment())

@@ -6,7 +6,6 @@ mod power;
 mod surroundings;
 
 use super::albedo::albedo_tables;
-use super::chains::Chains;
 use super::description::{
     LightDescription, ObjectDescription, SceneDescription, SensorDescription, WavelengthChoice,
 };
@@ -30,7 +29,7 @@ use glam::{DVec2, DVec3};
 use power::distribution;
 use std::collections::HashMap;
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Part of a [`SceneDescription`] that a [`BuildError`] is about, by its index there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -246,14 +245,13 @@ impl Scene {
             motions,
             is_moving: moments.is_moving,
             effects: Vec::new(),
-            chains: Chains::default(),
+            chains: OnceLock::new(),
             contacts,
             notes,
             film_exponent,
             hash: description.hash,
         };
         scene.effects = find_effects(&scene);
-        scene.chains = Chains::of(&scene);
         Ok(scene)
     }
 }

@@ -12,7 +12,7 @@
 use super::{Object, Passage, SceneAt};
 use crate::geometry::{AccelAt, EndPoint, Face, Faces, InstanceId, Ray, SurfacePoint};
 use crate::medium::{Boundary, MediumStack, Rank};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 /// Encounter of a ray that crosses all faces in a place.
 #[derive(Clone, Debug)]
@@ -37,11 +37,7 @@ pub struct NestedTooDeep;
 #[inline]
 pub fn faces_at(geometry: &AccelAt, objects: &[Object], point: &SurfacePoint) -> Faces {
     let object = &objects[point.id.instance.0 as usize];
-    if object
-        .contacts
-        .iter()
-        .any(|region| region.contains(point.p))
-    {
+    if object.may_touch(point.p) {
         return geometry.coincident(point);
     }
     let mut faces = Faces::new();
@@ -171,32 +167,23 @@ impl SceneAt<'_> {
     #[inline]
     pub fn is_simple(&self, point: &SurfacePoint) -> bool {
         let object = self.object(point.id.instance);
-        !object.has_alpha
-            && !object.transparent_sensor
-            && !object
-                .contacts
-                .iter()
-                .any(|region| region.contains(point.p))
+        !object.has_alpha && !object.transparent_sensor && !object.may_touch(point.p)
     }
 
     /// The share of the light at an end of paths on a surface that is not taken by what else is in
     /// the same place and comes later in the scene: 1 where nothing touches it.
     #[must_use]
     pub fn exposure(&self, end: &EndPoint) -> f64 {
-        let Some(id) = end.surface else { return 1.0 };
-        let object = self.object(id.instance);
+        let Some(point) = end.surface_point() else {
+            return 1.0;
+        };
+        let instance = point.id.instance;
+        let object = self.object(instance);
         if object.contacts.is_empty() || object.transparent_sensor {
             return 1.0;
         }
-        let point = SurfacePoint {
-            p: end.p,
-            ng: end.n,
-            ns: end.n,
-            uv: DVec2::ZERO,
-            id,
-        };
         let faces = self.faces_at(&point);
-        let later = faces.iter().filter(|f| f.point.id.instance > id.instance);
+        let later = faces.iter().filter(|f| f.point.id.instance > instance);
         let open = later.map(|face| {
             let object = self.object(face.point.id.instance);
             if object.has_alpha {

@@ -35,7 +35,8 @@ use crate::spectrum::WavelengthDistribution;
 use crate::texture::Image;
 use chains::Chains;
 use effects::{Effect, EffectKind};
-use std::sync::Arc;
+use glam::DVec3;
+use std::sync::{Arc, OnceLock};
 
 /// Effect of a face on a segment between two points in one medium that meets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,6 +74,15 @@ pub struct Object {
     pub passage: Passage,
     /// Where other surfaces may be in the same place.
     pub contacts: Vec<Region>,
+}
+
+impl Object {
+    /// Whether other surfaces may be in the place `p` of its own.
+    #[must_use]
+    #[inline]
+    pub fn may_touch(&self, p: DVec3) -> bool {
+        self.contacts.iter().any(|region| region.contains(p))
+    }
 }
 
 /// A sensor in the scene.
@@ -134,8 +144,8 @@ pub struct Scene {
     pub is_moving: bool,
     /// Effects that the scene calls for.
     pub effects: Vec<Effect>,
-    /// Chains of smooth surfaces that can be solved for.
-    pub chains: Chains,
+    /// Chains, once somebody has asked for them.
+    chains: OnceLock<Chains>,
     /// Whether any object is there only in part.
     pub has_coverage: bool,
     /// Whether any material has a coating.
@@ -152,6 +162,13 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Chains of smooth surfaces that can be solved for. They are looked for when first asked for:
+    /// most renders have no use for them.
+    #[must_use]
+    pub fn chains(&self) -> &Chains {
+        self.chains.get_or_init(|| Chains::of(self))
+    }
+
     /// The object of an instance.
     #[must_use]
     #[inline]

@@ -273,6 +273,18 @@ impl<'a> Joiner<'a> {
         (pf0, pdf_direction)
     }
 
+    /// Radiance that a point x₀ of an area light sends in unit direction `w`, where nothing in its
+    /// place takes it; `None` for other lights.
+    fn emitted(&self, id: LightId, x0: &EndPoint, w: DVec3) -> Option<SampledSpectrum> {
+        let (light, scene) = (self.light(id), &self.context.scene);
+        let mut point = x0.surface_point()?;
+        if light.has_pattern() {
+            point.uv = scene.geometry.texture_coordinates(point.id, point.p);
+        }
+        let radiance = light.radiance(&point, w, &self.context.wavelengths);
+        Some(radiance * scene.exposure(x0) as f32)
+    }
+
     /// Whether camera sub-paths can hit the light of a light sub-path.
     fn is_hittable(&self, id: Option<LightId>) -> bool {
         id.is_some_and(|id| self.light(id).hit_measure() != HitMeasure::Never)

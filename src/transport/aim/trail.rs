@@ -10,7 +10,7 @@ use crate::transport::density::{Bridge, PathView};
 use crate::transport::strategies::StrategySet;
 use crate::transport::subpath::Vertex;
 use arrayvec::ArrayVec;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 /// Where a scattering vertex is.
 #[derive(Clone, Copy, Debug)]
@@ -29,13 +29,7 @@ impl Place {
     /// The place as a point of its surface, without texture coordinates.
     #[must_use]
     pub fn surface_point(&self) -> SurfacePoint {
-        SurfacePoint {
-            p: self.p,
-            ng: self.ng,
-            ns: self.ng,
-            uv: DVec2::ZERO,
-            id: self.id,
-        }
+        SurfacePoint::flat(self.p, self.ng, self.id)
     }
 }
 
@@ -160,7 +154,7 @@ pub fn bridges(
 ) -> [Option<Bridge>; 2] {
     let n = view.len();
     let none = [None; 2];
-    if n < 3 || context.scene.chains.kinds().is_empty() {
+    if n < 3 || context.scene.chains().kinds().is_empty() {
         return none;
     }
     let aims = &strategies.aims;
@@ -168,7 +162,7 @@ pub fn bridges(
     let aimed = is_aimed_at(light);
     let bridge = |a: usize, b: usize, samples: f64, wanted: &dyn Fn(&ChainKind) -> bool| {
         let kind = links(trail, light, a, b)?;
-        if !context.scene.chains.contains(&kind) || !wanted(&kind) {
+        if !context.scene.chains().contains(&kind) || !wanted(&kind) {
             return None;
         }
         // what is met where surfaces touch is no surface of the list

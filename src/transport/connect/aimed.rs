@@ -32,6 +32,18 @@ struct Start {
     stack: MediumStack,
 }
 
+impl Start {
+    /// The start of a light sub-path on the light `id`.
+    fn of(light: &Subpath, id: LightId) -> Self {
+        Self {
+            id,
+            x0: light.origin,
+            pdf: light.densities[0].own,
+            stack: *light.start_stack(),
+        }
+    }
+}
+
 /// The end x_a.
 enum LightEnd<'p> {
     Start,
@@ -74,7 +86,7 @@ impl Joiner<'_> {
         let context = self.context;
         let media = &camera.vertices[j].media;
         let mut start = None;
-        for kind in context.scene.chains.kinds() {
+        for kind in context.scene.chains().kinds() {
             let (first, last) = (&kind[0], &kind[kind.len() - 1]);
             if !media.contains(&last.after()) || j + 1 + kind.len() > self.max_depth {
                 continue;
@@ -111,14 +123,9 @@ impl Joiner<'_> {
         }
         let context = self.context;
         let media = &light.vertices[i].media;
-        let start = Start {
-            id,
-            x0: light.origin,
-            pdf: light.densities[0].own,
-            stack: *light.start_stack(),
-        };
+        let start = Start::of(light, id);
         let mut point = None;
-        for kind in context.scene.chains.kinds() {
+        for kind in context.scene.chains().kinds() {
             let (first, last) = (&kind[0], &kind[kind.len() - 1]);
             if !media.contains(&first.before())
                 || last.after() != self.sensor_medium()
@@ -147,14 +154,9 @@ impl Joiner<'_> {
             return;
         }
         let context = self.context;
-        let start = Start {
-            id,
-            x0: light.origin,
-            pdf: light.densities[0].own,
-            stack: *light.start_stack(),
-        };
+        let start = Start::of(light, id);
         let mut point = None;
-        for kind in context.scene.chains.kinds() {
+        for kind in context.scene.chains().kinds() {
             let (first, last) = (&kind[0], &kind[kind.len() - 1]);
             if start.stack.medium() != first.before()
                 || last.after() != self.sensor_medium()

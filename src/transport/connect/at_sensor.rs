@@ -4,7 +4,6 @@
 use super::end::{End, EndStart, Receiver};
 use super::{Candidate, Joiner, Numerator};
 use crate::camera::SensorConnection;
-use crate::geometry::SurfacePoint;
 use crate::light::HitMeasure;
 use crate::medium::MediumId;
 use crate::sampler::Draw;
@@ -83,28 +82,13 @@ impl Joiner<'_> {
         {
             return;
         }
-        let Some(surface) = x0.surface else { return };
         let Some(drawn) = self.draw_sensor(x0.p, Draw::Lens(0), margin) else {
             return;
         };
         let (context, toward) = (self.context, drawn.toward);
-        let uv = if self.light(id).has_pattern() {
-            let geometry = &context.scene.geometry;
-            geometry.texture_coordinates(surface, x0.p)
-        } else {
-            DVec2::ZERO
+        let Some(radiance) = self.emitted(id, &x0, toward) else {
+            return;
         };
-        let point = SurfacePoint {
-            p: x0.p,
-            ng: x0.n,
-            ns: x0.n,
-            uv,
-            id: surface,
-        };
-        let mut radiance = self
-            .light(id)
-            .radiance(&point, toward, &context.wavelengths);
-        radiance *= context.scene.exposure(&x0) as f32;
         if radiance.is_black(context.count())
             || light.start_stack().medium() != self.sensor_medium()
         {

@@ -4,8 +4,7 @@ use super::super::Joiner;
 use super::super::end::{EndLabel, Receiver};
 use super::{Ends, LightEnd, SensorEnd, Start};
 use crate::bsdf::{Bsdf, Label};
-use crate::geometry::{EndPoint, SurfaceId, SurfacePoint};
-use crate::light::LightKind;
+use crate::geometry::{EndPoint, SurfaceId};
 use crate::medium::{MediumId, MediumStack};
 use crate::scene::chains::ChainLink;
 use crate::spectrum::SampledSpectrum;
@@ -131,24 +130,9 @@ impl Joiner<'_> {
             LightEnd::Start => {
                 let Start { id, x0, pdf, .. } = ends.start;
                 let (light, context) = (self.light(id), self.context);
-                let value = match &light.kind {
-                    LightKind::Area(_) => {
-                        let surface = x0.surface?;
-                        let uv = if light.has_pattern() {
-                            context.scene.geometry.texture_coordinates(surface, x0.p)
-                        } else {
-                            DVec2::ZERO
-                        };
-                        let point = SurfacePoint {
-                            p: x0.p,
-                            ng: x0.n,
-                            ns: x0.n,
-                            uv,
-                            id: surface,
-                        };
-                        light.radiance(&point, w, &context.wavelengths)
-                    }
-                    _ => {
+                let value = match self.emitted(id, &x0, w) {
+                    Some(radiance) => radiance,
+                    None => {
                         let geometry = &context.scene.geometry;
                         let waves = &context.wavelengths;
                         let sample = light.sample_direct(geometry, waves, p, 0.0, DVec2::ZERO)?;
@@ -160,10 +144,9 @@ impl Joiner<'_> {
                     return None;
                 }
                 let cos = if x0.infinite { 1.0 } else { x0.cos(w) };
-                let exposure = context.scene.exposure(&x0);
                 let (_, direction) = self.emission(id, &x0, w);
                 Some(Reached {
-                    weight: Throughput::splat(cos * exposure / pdf).times(&value),
+                    weight: Throughput::splat(cos / pdf).times(&value),
                     across: Departure::Start(direction),
                     behind: EdgeDensity::default(),
                     factor: Receiver::of_light(light, &x0, w).factor(length),
