@@ -160,7 +160,7 @@ impl<'a> Multipliers<'a> {
     pub fn plain(&self, technique: Technique) -> f64 {
         let n = self.path.len();
         match technique {
-            Technique::Join(s) => plain_multiplier(self.strategies, s, n, self.regularized(s)),
+            Technique::Join(s) => self.plain_join(s),
             Technique::Merge(i) => {
                 let samples = self.strategies.samples(technique, n, false);
                 let merges = samples > 0.0
@@ -180,14 +180,23 @@ impl<'a> Multipliers<'a> {
         }
     }
 
+    fn plain_join(&self, s: usize) -> f64 {
+        let regularized = self.regularized(s);
+        plain_multiplier(self.strategies, s, self.path.len(), regularized)
+    }
+
     /// Preference, by which a technique is weighted besides its density and A:
     /// `β^{N_r(s)} · v_s · [admitted]`; that of merging is 1, and that of bridges, whose scatter
     /// the pilot does not measure. [theory (2.6), (2.7)]
     #[must_use]
     pub fn preference(&self, technique: Technique) -> f64 {
-        let Technique::Join(s) = technique else {
-            return 1.0;
-        };
+        match technique {
+            Technique::Join(s) => self.preference_of_join(s),
+            Technique::Merge(_) | Technique::Bridge(..) => 1.0,
+        }
+    }
+
+    fn preference_of_join(&self, s: usize) -> f64 {
         let factor = self.factors.get(s).map_or(1.0, |v| f64::from(*v));
         match self.admitted {
             Admitted::All if self.beta == 1.0 => factor,
@@ -204,10 +213,16 @@ impl<'a> Multipliers<'a> {
         self.plain(technique) * self.preference(technique)
     }
 
+    /// The same of joining: most terms are of this kind.
+    #[inline]
+    fn of_join(&self, s: usize) -> f64 {
+        self.plain_join(s) * self.preference_of_join(s)
+    }
+
     /// Whether the path can be made at all by strategy `s`: hitting needs something that can be
     /// hit.
     fn is_possible(&self, s: usize) -> bool {
-        (s > 0 || self.path.hittable_light) && self.plain(Technique::Join(s)) > 0.0
+        (s > 0 || self.path.hittable_light) && self.plain_join(s) > 0.0
     }
 
     /// Whether any scattering vertex is non-specular.
@@ -269,7 +284,7 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
     }
     let s = path.s();
     let merging = multipliers.strategies.merge_samples() > 0.0;
-    let m = |i: usize| multipliers.of(Join(i));
+    let m = |i: usize| multipliers.of_join(i);
     term(Join(s), m(s));
 
     // towards the light: [theory (3.3) left, (3.4), (3.5) left]
@@ -354,7 +369,7 @@ fn joins_around(multipliers: &Multipliers, bridge: &Bridge, mut term: impl FnMut
     use Technique::Join;
     let path = multipliers.path;
     let Bridge { a, b, k, .. } = *bridge;
-    let m = |s: usize| multipliers.of(Join(s));
+    let m = |s: usize| multipliers.of_join(s);
     // strategy 1 draws x₀ directly, all others and the bridge as light is emitted
     let drawn = |s: usize| {
         if s == 1 {
@@ -474,7 +489,7 @@ fn terms(
     }
     let mut own = 0.0;
     for_each_term(multipliers, |technique, value| {
-        if serves_all_lanes(path, dispersive, technique) {
+        if dispersive == 0 || serves_all_lanes(path, dispersive, technique) {
             out.shared += heuristic.power(value);
         } else {
             own += heuristic.power(value);
