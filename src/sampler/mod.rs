@@ -69,6 +69,7 @@ struct Place {
 }
 
 impl Draw {
+    #[inline]
     fn place(self) -> Place {
         let two = |a: usize, b: usize| (a as u64) << 26 | b as u64;
         // a walk is one path through a space of many dimensions

@@ -322,20 +322,21 @@ impl<'a> Joiner<'a> {
         self.counters.connections_tried += 1;
         // the labels of one end that are worth trying depend on those of the other; a missed cone
         // ends it early
-        let (mut labels_a, mut labels_b) = (EndLabels::new(), EndLabels::new());
-        let specular_b = self.specular_label(camera, j, -w);
-        if with_rough_pair || specular_b.is_some() {
-            labels_a.extend(self.rough_label(light, i, w));
-        }
-        let specular_a = self.specular_label(light, i, w);
-        if labels_a.is_empty() && specular_a.is_none() {
+        let mut labels_b = EndLabels {
+            rough: None,
+            specular: self.specular_label(camera, j, -w),
+        };
+        let wants_rough = with_rough_pair || labels_b.specular.is_some();
+        let labels_a = EndLabels {
+            rough: wants_rough.then(|| self.rough_label(light, i, w)).flatten(),
+            specular: self.specular_label(light, i, w),
+        };
+        if labels_a.is_empty() {
             return;
         }
-        if with_rough_pair || specular_a.is_some() {
-            labels_b.extend(self.rough_label(camera, j, -w));
+        if with_rough_pair || labels_a.specular.is_some() {
+            labels_b.rough = self.rough_label(camera, j, -w);
         }
-        labels_a.extend(specular_a);
-        labels_b.extend(specular_b);
         if labels_b.is_empty() {
             return;
         }
