@@ -15,7 +15,7 @@ named! {
 }
 
 impl Polarization {
-    /// What counts of a quantity that differs between the two.
+    /// The part that counts of a quantity that differs between the two.
     #[must_use]
     #[inline]
     pub fn of(self, s: f64, p: f64) -> f64 {

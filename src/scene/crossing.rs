@@ -32,7 +32,7 @@ pub struct Crossing {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NestedTooDeep;
 
-/// What is on the way of a segment.
+/// Obstacles on the way of a segment.
 enum Way {
     /// Something that lets no light pass.
     Blocked,
@@ -232,7 +232,7 @@ impl SceneAt<'_> {
         }
     }
 
-    /// What one look at all that a segment meets tells, in whatever order.
+    /// Obstacles of a segment by one look at all that it meets, in whatever order.
     #[inline]
     fn way(&self, ray: &Ray) -> Way {
         let passage = |id: InstanceId| self.object(id).passage;
