@@ -59,6 +59,12 @@ fn wavelength(name: &str) -> Option<(f64, bool)> {
     }
 }
 
+/// PNG bytes, pixels, stops of exposure, share of clipped pixels.
+type Developed<'py> = (Bound<'py, PyBytes>, Bound<'py, PyArray3<u16>>, f64, f64);
+
+/// The fields of [`ImageError`], in their order.
+type ErrorTuple = (f64, f64, f64, f64, f64, u64);
+
 /// A choice by its name.
 fn named<T: Named>(what: &str, name: Option<&str>, otherwise: T) -> PyResult<T> {
     let Some(name) = name else {
@@ -198,6 +204,7 @@ impl Image {
     /// A picture: PNG bytes, pixels (rows x columns x 3, 8 or 16 bits), stops of exposure, and the
     /// share of clipped pixels.
     #[pyo3(signature = (exposure, tone, white, display, depth, layer))]
+    #[allow(clippy::too_many_arguments, reason = "Python names them")]
     fn develop<'py>(
         &self,
         py: Python<'py>,
@@ -207,7 +214,7 @@ impl Image {
         display: &str,
         depth: u8,
         layer: Option<&str>,
-    ) -> PyResult<(Bound<'py, PyBytes>, Bound<'py, PyArray3<u16>>, f64, f64)> {
+    ) -> PyResult<Developed<'py>> {
         let base = development(&self.image);
         let depth = match depth {
             8 => Depth::Eight,
@@ -299,7 +306,7 @@ pub fn compare(
     py: Python,
     image: PyReadonlyArray3<f64>,
     reference: PyReadonlyArray3<f64>,
-) -> PyResult<Vec<(f64, f64, f64, f64, f64, u64)>> {
+) -> PyResult<Vec<ErrorTuple>> {
     let of = |array: &PyReadonlyArray3<f64>| match *array.shape() {
         [rows, columns, 3] if rows * columns > 0 => Ok(Xyz {
             size: (columns as u32, rows as u32),
