@@ -170,7 +170,7 @@ pub fn choose(
         })
         .collect();
     let samples = u64::from(PASSES) * pixels.len() as u64;
-    let shares = Balance::new(&pixels, kinds).shares();
+    let shares = Balance::new(&pixels, &needed(frame, kinds)).shares();
     let is_tried = |kind: &usize| (0..Origin::COUNT).any(|o| shares[o * kinds + kind] > 0.0);
     let tried = (0..kinds).filter(is_tried).count();
     Some(TriesChoice {
@@ -179,6 +179,19 @@ pub fn choose(
         tried,
         kinds,
     })
+}
+
+/// By origin and kind: whether the paths have no other technique that is sure to make them without a
+/// cone, or all chains are asked for. These are never left out.
+fn needed(frame: &SensorJob, kinds: usize) -> Vec<bool> {
+    let strategies = &frame.strategies;
+    let aims = strategies.aims;
+    let all = aims.light_everywhere
+        || aims.sensor_everywhere
+        || !(strategies.hits && strategies.direct && strategies.splats);
+    Origin::all()
+        .flat_map(|origin| std::iter::repeat_n(all || origin.is_needed(), kinds))
+        .collect()
 }
 
 /// The region of the crop that a raster position is in, or the nearest.
@@ -202,7 +215,7 @@ struct Balance {
 }
 
 impl Balance {
-    fn new(pixels: &[Pixel], kinds: usize) -> Self {
+    fn new(pixels: &[Pixel], needed: &[bool]) -> Self {
         let regions = (REGIONS * REGIONS) as usize;
         let count = (pixels.len() * PASSES as usize).max(1) as f64;
         let (mut light, mut places) = (vec![0.0; regions], vec![0.0; regions]);
@@ -228,7 +241,7 @@ impl Balance {
             })
             .collect();
         let mut others: Vec<f64> = Vec::new();
-        let mut aims = vec![([0.0; SHARES.len()], 0.0); Origin::COUNT * kinds];
+        let mut aims = vec![([0.0; SHARES.len()], 0.0); needed.len()];
         let mut counters = Counters::default();
         let mut tallies = AimTally::default();
         for pixel in pixels {
@@ -238,7 +251,7 @@ impl Balance {
                 let of_own = (sample.own - own).powi(2) / f64::from(PASSES - 1) * f64::from(PASSES);
                 let of_splats = sample.splats.iter().map(|(v, at)| v * v * scale[*at]);
                 others.push(of_own * scale[pixel.region] + of_splats.sum::<f64>());
-                for made in &sample.bridges {
+                for made in sample.bridges.iter().filter(|made| made.value != 0.0) {
                     let moment = made.value * made.value * scale[made.region] / count;
                     for (sum, p) in aims[made.at].0.iter_mut().zip(SHARES) {
                         *sum += moment / (1.0 - made.weight + p * made.weight);
@@ -261,12 +274,11 @@ impl Balance {
             + CLOSEST * counters.closest_rays as f64
             + SHADOW * (counters.shadow_rays - tallies.rays) as f64
             + CONNECTION * (counters.connections_tried - tallies.solved) as f64;
-        let needed = Origin::all().flat_map(|o| std::iter::repeat_n(o.is_needed(), kinds));
         Self {
             others: others[..kept].iter().sum::<f64>() / count,
             cost: cost / count,
             aims,
-            needed: needed.collect(),
+            needed: needed.to_vec(),
         }
     }
 
@@ -289,10 +301,7 @@ impl Balance {
                 let last = SHARES.len() - usize::from(self.needed[at]);
                 let best = (0..last).min_by(|&a, &b| product(a).total_cmp(&product(b)));
                 chosen[at] = best.unwrap_or(now);
-                let (more, dearer) = (
-                    of[chosen[at]] - of[now],
-                    price * (SHARES[chosen[at]] - SHARES[now]),
-                );
+                let (more, dearer) = change(chosen[at]);
                 moments += more;
                 cost += dearer;
             }
@@ -307,5 +316,41 @@ impl Balance {
             p as f32
         };
         chosen.iter().enumerate().map(share).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Balance, SHARES, UNSEEN};
+
+    #[test]
+    fn chains_are_tried_as_often_as_they_gain() {
+        // what gives a second moment v alone at every probability, or shares it with others
+        let alone = |v: f64| SHARES.map(|p| v / p);
+        let shared = |v: f64, weight: f64| SHARES.map(|p| v / (1.0 - weight + p * weight));
+        let aims = vec![
+            // cheap, and nothing else makes it well
+            (shared(1.0, 0.99), 0.01),
+            // dear, and others make it as well
+            (shared(1e-3, 0.1), 5.0),
+            // the same where it must not be left out
+            (shared(1e-3, 0.1), 5.0),
+            // nothing else makes it, dear
+            (alone(0.04), 25.0),
+            // never seen
+            ([0.0; SHARES.len()], 1.0),
+            ([0.0; SHARES.len()], 1.0),
+        ];
+        let balance = Balance {
+            others: 1.0,
+            cost: 1.0,
+            aims,
+            needed: vec![false, false, true, false, true, false],
+        };
+        let found = balance.shares();
+        assert_eq!(found[..3], [1.0, 0.0, 0.0625]);
+        // sqrt(v T / (V t)) is 1/25, below the least probability
+        assert_eq!(found[3], 0.0625);
+        assert_eq!(found[4..], [UNSEEN as f32, 0.0]);
     }
 }
