@@ -181,8 +181,8 @@ pub fn choose(
     })
 }
 
-/// By origin and kind: whether the paths have no other technique that is sure to make them without a
-/// cone, or all chains are asked for. These are never left out.
+/// By origin and kind: whether the paths have no other technique that is sure to make them without
+/// a cone, or all chains are asked for. These are never left out.
 fn needed(frame: &SensorJob, kinds: usize) -> Vec<bool> {
     let strategies = &frame.strategies;
     let aims = strategies.aims;
