@@ -44,6 +44,9 @@ pub fn regularization(render: &Render) -> String {
             "epsilon", "", choice.epsilon, choice.reason
         );
     }
+    if let Some(found) = render.tries() {
+        _ = writeln!(text, "  {:<14} {:<4} {found}", "aims", "");
+    }
     if let Some(found) = render.factors() {
         _ = writeln!(text, "  {:<14} {:<4} {found}", "weights", "");
     }

@@ -15,6 +15,7 @@ pub mod pilot;
 pub mod session;
 pub mod stop;
 pub mod table;
+pub mod tries;
 pub mod variance;
 
 pub use epsilon::EpsilonChoice;
@@ -26,6 +27,7 @@ pub use pass::{TileObserver, Tiles, UnfinishedPass};
 pub use session::{Progress, Session, SessionError, SessionOptions};
 pub use stop::{Cancel, StopReason, StopRules};
 pub use table::ClassTable;
+pub use tries::TriesChoice;
 pub use variance::{PilotPasses, VarianceFactors};
 
 use crate::film::{AddSumsError, Crop};
@@ -51,6 +53,8 @@ pub struct Render {
     outputs: Outputs,
     /// ε₁ of regularized renders.
     epsilon: Option<EpsilonChoice>,
+    /// How often chains are solved for, where any are.
+    tries: Option<TriesChoice>,
     /// Variance factors of the weights, where they have any.
     factors: Option<VarianceFactors>,
     /// r₁ of renders with merging.
@@ -92,7 +96,7 @@ impl Render {
     ) -> Self {
         let filter = scene.sensors[sensor].filter;
         let outputs = Outputs::new(request, crop, filter, scene.film_exponent);
-        let frame = frame(scene, sensor, settings, &crop, request);
+        let mut frame = frame(scene, sensor, settings, &crop, request);
         let epsilon = frame
             .regularization
             .mode
@@ -100,17 +104,21 @@ impl Render {
         let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
         let merges = frame.strategies.merge.is_some();
         let radius = merges.then(|| merging::choose_radius(&frame, outputs.response));
+        let tries = tries::choose(&frame, crop, cone, outputs.response, pilot);
+        frame.strategies.tries = tries.as_ref().map(|found| &found.tries);
         let factors = variance::choose(&frame, crop, cone, outputs.response, pilot);
         let roulette_threshold = pilot::roulette_threshold(&frame, cone, outputs.response);
+        let regularization = frame.regularization;
         Self {
             scene: Arc::clone(scene),
             sensor,
             settings: settings.clone(),
             crop,
             request: request.clone(),
-            regularization: frame.regularization,
+            regularization,
             outputs,
             epsilon,
+            tries,
             factors,
             radius,
             photon_bytes: 0,
@@ -148,8 +156,15 @@ impl Render {
             ..
         } = self;
         let mut frame = frame(scene, self.sensor, settings, crop, request);
+        frame.strategies.tries = self.tries.as_ref().map(|found| &found.tries);
         frame.strategies.factors = self.factors.as_ref().map(|found| &found.factors);
         frame
+    }
+
+    /// How often kinds of chains are solved for, where any are.
+    #[must_use]
+    pub fn tries(&self) -> Option<&TriesChoice> {
+        self.tries.as_ref()
     }
 
     /// Variance factors of the weights, where they have any.

@@ -51,6 +51,9 @@ pub enum Draw {
     /// Point of the sensor that light vertex i - 1 aims at through chains: two; 0: the start of the
     /// light sub-path.
     AimLens(usize),
+    /// Which kinds of chains are tried from camera vertex j (2 j) and from light vertex i - 1
+    /// (2 i + 1; 1: the start of the light sub-path).
+    AimTries(usize),
 }
 
 /// Draws of a kind that are stratified over the passes: the first so many vertices.
@@ -101,6 +104,7 @@ impl Draw {
             Self::Roulette(s, t, labels) => alone(8, two(s, 4 * t + labels), false),
             Self::AimLight(j) => alone(9, j as u64, j < STRATIFIED),
             Self::AimLens(i) => alone(10, i as u64, i < STRATIFIED),
+            Self::AimTries(i) => alone(11, i as u64, false),
         }
     }
 }
