@@ -79,7 +79,7 @@ impl fmt::Display for TriesChoice {
     }
 }
 
-/// What one sample gave besides bridges, and its bridges.
+/// Yield of one sample besides bridges, and its bridges.
 #[derive(Default)]
 struct Sample {
     /// Of its own pixel.

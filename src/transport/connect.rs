@@ -73,7 +73,7 @@ pub struct Scratch {
     columns: Vec<Column>,
     /// Lobes of a vertex of such a chain.
     lobes: Vec<(f32, Lobe)>,
-    /// What aims cost, by origin and kind; empty: not counted.
+    /// Cost of aims, by origin and kind; empty: not counted.
     pub tally: Vec<AimTally>,
 }
 

@@ -66,7 +66,7 @@ struct Ends<'p> {
     margin: f64,
 }
 
-/// What is tried from an origin.
+/// Chains tried from an origin.
 struct TriesFrom<'a> {
     tries: Option<&'a Tries>,
     sampler: &'a Sampler,
