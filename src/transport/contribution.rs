@@ -44,8 +44,8 @@ pub struct Contribution {
     /// Made by photon merging: one vertex counts for both sides, s + t is one more than the
     /// vertices of the path.
     pub merged: bool,
-    /// Chain solved for, between the `s` vertices from the light and the `t` from the sensor, of what
-    /// a bridge made.
+    /// Chain solved for, between the `s` vertices from the light and the `t` from the sensor, if a
+    /// bridge made this.
     pub aimed: Option<Aimed>,
     /// The light of x₀; of merged paths any.
     pub emitter: LightId,
