@@ -189,7 +189,7 @@ motion = [{ about = [0, 1.2, 0.9], keys = [{ time = 0, rotate = { axis = [0, 1, 
 "#
         ),
         batches: 16,
-        passes: [480, 400, 192],
+        passes: [160, 136, 64],
         classes: &["LDE", "LDDE"],
         specular_in_view: false,
         resolution: 2.5e-3,
@@ -227,7 +227,7 @@ motion = [{ keys = [{ time = 0, translate = [-0.2, 0, 0] }, { time = 1, translat
 "#
         ),
         batches: 16,
-        passes: [500, 150, 200],
+        passes: [250, 100, 100],
         classes: &["LDE", "LDDE", "LDSE", "LSDE"],
         specular_in_view: true,
         resolution: 3e-3,
