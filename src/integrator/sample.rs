@@ -7,7 +7,7 @@
 use super::{aims, strategies};
 use crate::bsdf::Side;
 use crate::film::Crop;
-use crate::geometry::{EndPoint, Placements, Ray};
+use crate::geometry::{Placements, Ray};
 use crate::sampler::{Draw, Sampler};
 use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::Sharing;
@@ -312,13 +312,6 @@ pub fn sample_and_merge(
             },
         );
     }
-    if job.camera_only
-        || !strategies.wants_light_walk()
-        || !start_light(&context, light, max_depth, &sampler, counters)
-    {
-        light.restart(EndPoint::NONE, &sensor.stack, None, 0.0);
-    }
-
     let margin = sensor.filter.margin();
     let mut joiner = Joiner {
         context: &context,
@@ -328,7 +321,7 @@ pub fn sample_and_merge(
         skip_point_images: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: job.with_raw,
         detailed: job.detailed,
-        sampler: &sampler,
+        sampler,
         counters,
         out: contributions,
         scratch,
@@ -343,18 +336,31 @@ pub fn sample_and_merge(
         joiner.aim_at_light(camera, j);
     }
     joiner.hit_environment(camera);
-    joiner.start_to_sensor(light, margin);
-    joiner.aim_through(light, margin);
-    for i in 0..light.vertices.len() {
-        joiner.to_sensor(light, i, margin);
-        joiner.aim_at_sensor(light, i, margin);
+    let light_paths = if job.camera_only || !strategies.wants_light_walk() {
+        0
+    } else {
+        light_paths_of(&sampler, strategies.light_paths)
+    };
+    for path in 0..light_paths {
+        // the first takes the numbers of the sample, any others have their own
+        joiner.sampler = sampler.fork(path);
+        if !start_light(&context, light, max_depth, &joiner.sampler, joiner.counters) {
+            continue;
+        }
+        joiner.start_to_sensor(light, margin);
+        joiner.aim_through(light, margin);
+        for i in 0..light.vertices.len() {
+            joiner.to_sensor(light, i, margin);
+            joiner.aim_at_sensor(light, i, margin);
+        }
+        for hit in &light.sensor_hits {
+            joiner.hit_sensor(light, hit);
+        }
+        if strategies.pairs > 0.0 {
+            joiner.pairs(light, camera);
+        }
     }
-    for hit in &light.sensor_hits {
-        joiner.hit_sensor(light, hit);
-    }
-    if strategies.pairs > 0.0 {
-        joiner.pairs(light, camera);
-    }
+    joiner.sampler = sampler;
     if let (Some(map), Some(shared)) = (photons, &pass.shared) {
         let width = sensor.camera.resolution().width;
         let pixel_of = |path: u32| (path % width, path / width);
@@ -374,6 +380,17 @@ pub fn sample_and_merge(
         }
     }
     context.response
+}
+
+/// Number of light sub-paths of a sample, `expected` in the mean.
+fn light_paths_of(sampler: &Sampler, expected: f64) -> u32 {
+    let (sure, chance) = (expected.floor(), expected.fract());
+    let [.., u] = if chance > 0.0 {
+        sampler.set(Draw::LightStart)
+    } else {
+        [1.0; 4]
+    };
+    sure as u32 + u32::from(u < chance)
 }
 
 /// Traces a light sub-path. `false` where no light was started.

@@ -5,6 +5,9 @@ use crate::scene::settings::{Aiming, IntegratorKind};
 use crate::scene::{Scene, Settings};
 use crate::transport::strategies::{Aims, Merge, MergeRule, StrategySet};
 
+/// Probability of trying a pair of inner vertices, where nothing says which is best.
+pub const PAIR_PROBABILITY: f64 = 0.25;
+
 /// The strategies that the settings of a render ask for, for one sensor, without regularization and
 /// before any photons. `splat_samples`: light sub-paths per pass / pixels of the full film.
 #[must_use]
@@ -23,6 +26,7 @@ pub fn strategies(
         merge: None,
         heuristic: settings.heuristic,
         factors: None,
+        light_paths: 1.0,
         splat_samples,
         hittable_sensor,
         cone: None,
@@ -38,7 +42,7 @@ pub fn strategies(
         direct_to_detector: true,
         splats: true,
         arrivals: true,
-        pairs: settings.pair_probability,
+        pairs: settings.pair_probability.unwrap_or(PAIR_PROBABILITY),
         ..none
     };
     let merge = |rule, alone| {
@@ -56,7 +60,7 @@ pub fn strategies(
         merge: merge(rule, true),
         ..none
     };
-    match settings.integrator {
+    let mut strategies = match settings.integrator {
         IntegratorKind::Path => StrategySet {
             hits: true,
             direct: true,
@@ -75,7 +79,11 @@ pub fn strategies(
         },
         IntegratorKind::Bpm => merged_alone(MergeRule::Every),
         IntegratorKind::Ppm => merged_alone(MergeRule::FirstFromSensor),
+    };
+    if !settings.integrator.merges() {
+        strategies.set_light_paths(settings.light_paths.unwrap_or(1.0));
     }
+    strategies
 }
 
 /// The chains that are solved for: none with merging. By default only those that lead to where no

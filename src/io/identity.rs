@@ -206,6 +206,7 @@ fn further_values(settings: &Settings) -> Values {
         max_depth: _,
         heuristic: _,
         pair_probability,
+        light_paths,
         regularization,
         aim,
         merging,
@@ -228,7 +229,11 @@ fn further_values(settings: &Settings) -> Values {
     let or_auto = |value: Option<String>| value.unwrap_or_else(|| "auto".to_owned());
     let disabled: Vec<String> = disabled.iter().map(|(s, t)| format!("s{s}t{t}")).collect();
     vec![
-        ("pairProbability", pair_probability.to_string()),
+        (
+            "pairProbability",
+            or_auto(pair_probability.map(|p| p.to_string())),
+        ),
+        ("lightPaths", or_auto(light_paths.map(|n| n.to_string()))),
         ("aim", aim.to_string()),
         ("singleRule", single_rule.to_string()),
         ("epsilon", or_auto(epsilon.map(|e| e.to_string()))),

@@ -139,6 +139,19 @@ impl Sampler {
         }
     }
 
+    /// The numbers of the nth light sub-path of the sample, those of the sample for the first.
+    #[must_use]
+    pub fn fork(&self, n: u32) -> Self {
+        if n == 0 {
+            return *self;
+        }
+        Self {
+            key: combine(self.key, u64::from(n)),
+            scramble: combine(self.scramble, u64::from(n)),
+            ..*self
+        }
+    }
+
     /// The primary wavelength number of a pixel of a film of `size` columns and rows, stratified
     /// over neighboring pixels and passes together.
     #[must_use]

@@ -216,8 +216,12 @@ pub struct Settings {
     pub max_depth: Option<u32>,
     /// Weighting of strategies.
     pub heuristic: Heuristic,
-    /// Probability of trying a connection between two inner vertices (s, t >= 2), 0 < p <= 1.
-    pub pair_probability: f64,
+    /// Probability of trying a connection between two inner vertices (s, t >= 2), 0 < p <= 1;
+    /// `None`: found from the scene.
+    pub pair_probability: Option<f64>,
+    /// Light sub-paths per camera sub-path, where photons are not merged; a fraction is the
+    /// probability of one more. `None`: found from the scene.
+    pub light_paths: Option<f64>,
     /// Connections at specular vertices.
     pub regularization: Regularization,
     /// Chains of specular vertices that are solved for.
@@ -240,7 +244,8 @@ impl Default for Settings {
             lanes: 4,
             max_depth: None,
             heuristic: Heuristic::VarianceAware,
-            pair_probability: 0.25,
+            pair_probability: None,
+            light_paths: None,
             regularization: Regularization::default(),
             aim: Aiming::Off,
             merging: Merging::default(),

@@ -52,7 +52,7 @@ pub struct Joiner<'a> {
     /// one camera vertex gives one.
     pub detailed: bool,
     /// Random numbers of the sample.
-    pub sampler: &'a Sampler,
+    pub sampler: Sampler,
     /// Counts.
     pub counters: &'a mut Counters,
     /// Contributions found.
@@ -402,7 +402,8 @@ impl<'a> Joiner<'a> {
                 }
                 let b = &camera.vertices[j];
                 let mut with_rough_pair = rough_a && b.has_non_specular;
-                let probability = self.strategies.samples(Technique::Join(s), s + t, false);
+                let allowed = self.strategies.samples(Technique::Join(s), s + t, false) > 0.0;
+                let probability = if allowed { self.strategies.pairs } else { 0.0 };
                 if with_rough_pair && probability < 1.0 {
                     let block = j / 4;
                     if drawn != Some(block) {
@@ -411,7 +412,6 @@ impl<'a> Joiner<'a> {
                     }
                     with_rough_pair = numbers[j % 4] < probability;
                 }
-                let allowed = probability > 0.0;
                 if with_rough_pair || allowed && (specular_a || self.is_regularized(b)) {
                     self.pair(light, i, camera, j, with_rough_pair);
                 }

@@ -247,6 +247,7 @@ fn every(disabled: &BTreeSet<(u32, u32)>) -> StrategySet<'_> {
         merge: None,
         heuristic: Heuristic::Balance,
         factors: None,
+        light_paths: 1.0,
         splat_samples: 1.0,
         hittable_sensor: true,
         cone: None,

@@ -83,6 +83,8 @@ pub struct StrategySet<'a> {
     pub heuristic: Heuristic,
     /// Variance factors; `None`: all are 1.
     pub factors: Option<&'a Factors>,
+    /// Light sub-paths per camera sub-path; a fraction is the probability of one more.
+    pub light_paths: f64,
     /// `n_s` of t <= 1: light sub-paths per pass / pixels of the full film.
     pub splat_samples: f64,
     /// The sensor can be hit by light paths (a detector).
@@ -113,6 +115,12 @@ impl StrategySet<'_> {
     #[must_use]
     pub fn wants_light_walk(&self) -> bool {
         self.splats || self.pairs > 0.0 || self.arrivals && self.hittable_sensor
+    }
+
+    /// Takes `count` light sub-paths per camera sub-path.
+    pub fn set_light_paths(&mut self, count: f64) {
+        self.splat_samples *= count / self.light_paths;
+        self.light_paths = count;
     }
 
     /// Whether camera sub-paths end at their first non-specular vertex: all that goes on from there
@@ -176,8 +184,8 @@ impl StrategySet<'_> {
             (1, 1) if self.hittable_sensor => per_pixel(self.direct_to_detector),
             (_, 1) => per_light_path(self.splats),
             (1, _) => per_pixel(self.direct),
-            _ if regularized => per_pixel(self.pairs > 0.0),
-            _ => self.pairs,
+            _ if regularized => per_pixel(self.pairs > 0.0) * self.light_paths,
+            _ => self.pairs * self.light_paths,
         }
     }
 }

@@ -19,6 +19,7 @@ const PASSES: Range = Range::closed(1.0, u32::MAX as f64, "1 to 4294967295");
 const SEED: Range = Range::closed(0.0, i64::MAX as f64, "0 to 2^63 - 1");
 const DEPTH: Range = Range::closed(0.0, 65_535.0, "0 to 65535, or leave it out for no limit");
 const PROBABILITY: Range = Range::above(0.0, 1.0, "above 0, at most 1");
+const LIGHT_PATHS: Range = Range::above(0.0, 16.0, "above 0, at most 16");
 const WAVELENGTH: Range = Range::closed(100.0, 20_000.0, "100 to 20000 nm");
 const CONE: Range = Range::closed(1e-9, FRAC_PI_2, "1e-9 to pi/2 radians, or \"auto\"");
 const LEAST_CONE: Range = Range::closed(0.0, FRAC_PI_2, "0 to pi/2 radians");
@@ -85,6 +86,27 @@ impl Value for Epsilon {
             return Automatic::read(node, spec, cx).map(|_| Self(None));
         }
         number(node, spec, "an angle in radians or \"auto\"", cx).map(|v| Self(Some(v)))
+    }
+
+    fn show(&self) -> String {
+        Automatic::Auto.show()
+    }
+}
+
+/// A number that `"auto"` leaves to the program.
+#[derive(Clone, Copy, Debug)]
+pub struct Found(Option<f64>);
+
+impl Value for Found {
+    fn form() -> Form {
+        Form::Any(vec![f64::form(), Automatic::form()])
+    }
+
+    fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
+        if node.get_ref().is_str() {
+            return Automatic::read(node, spec, cx).map(|_| Self(None));
+        }
+        number(node, spec, "a number or \"auto\"", cx).map(|v| Self(Some(v)))
     }
 
     fn show(&self) -> String {
@@ -229,7 +251,9 @@ keys! {
         /// Weighting of strategies.
         weights: Heuristic, default Settings::default().heuristic;
         /// Probability of trying a connection between two inner vertices.
-        pair_probability: f64, in PROBABILITY, default Settings::default().pair_probability;
+        pair_probability: Found, in PROBABILITY, default Found(None);
+        /// Light sub-paths per camera sub-path, without merging; a fraction is a probability.
+        light_paths: Found, in LIGHT_PATHS, default Found(None);
         /// Whether mirrors and smooth glass are connectible within a small cone.
         regularize: Regularize, default Regularization::default().mode;
         /// Which chains of mirrors and smooth glass are solved for.
@@ -304,7 +328,8 @@ impl Build for RenderKeys {
             lanes: self.lanes.0,
             max_depth: self.max_depth.map(|depth| depth as u32),
             heuristic: self.weights,
-            pair_probability: self.pair_probability,
+            pair_probability: self.pair_probability.0,
+            light_paths: self.light_paths.0,
             regularization: Regularization {
                 mode: self.regularize,
                 single_rule: self.single_rule,

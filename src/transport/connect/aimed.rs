@@ -69,7 +69,7 @@ struct Ends<'p> {
 /// Chains tried from an origin.
 struct TriesFrom<'a> {
     tries: Option<&'a Tries>,
-    sampler: &'a Sampler,
+    sampler: Sampler,
     origin: Origin,
     listed: usize,
 }

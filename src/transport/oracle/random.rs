@@ -143,6 +143,7 @@ pub(super) fn random_strategies<'a>(
         strategies.factors = Some(factors);
     }
     strategies.splat_samples = 0.01 + random.next();
+    strategies.light_paths = 0.01 + 2.0 * random.next();
     strategies.hittable_sensor = random.next() < 0.5;
     for executed in [
         &mut strategies.hits,

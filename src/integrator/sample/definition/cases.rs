@@ -131,7 +131,7 @@ impl Parts {
         }
         let settings = Settings {
             max_depth: Some(6),
-            pair_probability: 0.5,
+            pair_probability: Some(0.5),
             ..Settings::default()
         };
         Self {
