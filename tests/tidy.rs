@@ -21,7 +21,7 @@ const FLOORS: [&[&str]; 12] = [
     &["integrator"],
     &["render"],
     &["io"],
-    &["report"],
+    &["job", "report"],
     &["cli"],
 ];
 /// The only uses between modules of one floor.
