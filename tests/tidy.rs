@@ -99,9 +99,11 @@ fn files(folder: &str, extensions: &[&str]) -> Vec<(String, String)> {
         .collect()
 }
 
-/// Source files without their tests and comments: path relative to `src`, and numbered lines.
+/// Source files of the crate without their tests and comments: path relative to `src`, and numbered
+/// lines. (The Python module is a crate of its own.)
 fn program() -> Vec<(String, Vec<(usize, String)>)> {
-    let sources = files("src", &["rs"]);
+    let mut sources = files("src", &["rs"]);
+    sources.retain(|(path, _)| !path.starts_with("python/"));
     // files that are modules of tests only
     let test_module = Regex::new(r"(?m)^#\[cfg\(test\)\]\n(?:pub )?mod (\w+);").unwrap();
     let mut tests = BTreeSet::new();

@@ -3,8 +3,8 @@
 //! Where a layer absorbs, less is reflected from one side than from the other; what passes is the
 //! same both ways (Macleod, Thin-Film Optical Filters, 4th ed., section 2.9).
 
-use crate::optics::Stack;
 use crate::optics::coating::{Films, Response};
+use crate::optics::{Polarization, Stack};
 use crate::spectrum::SampledWavelengths;
 
 /// The layers between the two media of a surface, per lane.
@@ -33,17 +33,18 @@ impl CoatingLanes {
         }
     }
 
-    /// Response in lane `k` to unpolarized light at cosine `cos` in the medium of index `near`, on
-    /// the side `above` or not, before the medium of index `far`.
+    /// Response in lane `k` to light of a polarization at cosine `cos` in the medium of index
+    /// `near`, on the side `above` or not, before the medium of index `far`.
     pub(super) fn response(
         &self,
         k: usize,
         cos: f64,
         above: bool,
         [near, far]: [f64; 2],
+        polarization: Polarization,
     ) -> Response {
         let films = &self.films[k][usize::from(!above)];
-        films.unpolarized(self.lambda_nm[k], near, far.into(), cos)
+        films.response(self.lambda_nm[k], near, far.into(), cos, polarization)
     }
 }
 
@@ -80,6 +81,7 @@ mod tests {
             count: 4,
             dispersive: true,
             coating: Some(&lanes),
+            polarization: Polarization::Average,
             albedos: &NO_ALBEDOS,
         };
         let lobes = [(
@@ -149,7 +151,7 @@ mod tests {
         for cos in [0.1, 0.5, 0.7, 1.0] {
             for (above, indices) in [(true, [1.0, 1.5]), (false, [1.5, 1.0])] {
                 let bare = fresnel::dielectric(cos, indices[0], indices[1]);
-                let found = lanes.response(1, cos, above, indices);
+                let found = lanes.response(1, cos, above, indices, Polarization::Average);
                 assert!((found.r - bare).abs() < 1e-14 && (found.t + bare - 1.0).abs() < 1e-14);
             }
         }

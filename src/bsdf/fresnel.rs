@@ -1,9 +1,10 @@
-//! Fresnel reflectance of unpolarized light, and Snell's law (Born and Wolf, Principles of Optics,
+//! Fresnel reflectance, and Snell's law (Born and Wolf, Principles of Optics,
 //! 1.5 and 14.2).
 //!
 //! Invariant: equal indices give exactly R = 0 and a straight ray; total internal reflection
 //! exactly R = 1.
 
+use crate::optics::Polarization;
 use glam::DVec3;
 
 /// `n² - 1` for n = `eta_t / eta_i`, without cancellation when the indices are nearly equal.
@@ -11,14 +12,21 @@ fn index_contrast(eta_i: f64, eta_t: f64) -> f64 {
     (eta_t - eta_i) * (eta_t + eta_i) / (eta_i * eta_i)
 }
 
-/// Reflectance in [0, 1] of the interface from index `eta_i` to `eta_t`; `cos_i` in [0, 1] is on
-/// the side of `eta_i`.
+/// Reflectance in [0, 1] of the interface from index `eta_i` to `eta_t` for unpolarized light;
+/// `cos_i` in [0, 1] is on the side of `eta_i`.
+#[must_use]
+pub fn dielectric(cos_i: f64, eta_i: f64, eta_t: f64) -> f64 {
+    dielectric_for(Polarization::Average, cos_i, eta_i, eta_t)
+}
+
+/// The same for light of a polarization.
 ///
 /// With n = η_t/η_i and g² = n² - 1 + cos², the amplitudes are written as r_s = -(n² - 1)/(cos +
 /// g)² and r_p = (n² - 1)((n² + 1) cos² - 1)/(n² cos + g)²: no difference of near-equal numbers but
 /// the one that Brewster's angle is.
 #[must_use]
-pub fn dielectric(cos_i: f64, eta_i: f64, eta_t: f64) -> f64 {
+#[inline]
+pub fn dielectric_for(polarization: Polarization, cos_i: f64, eta_i: f64, eta_t: f64) -> f64 {
     let contrast = index_contrast(eta_i, eta_t);
     if contrast == 0.0 {
         return 0.0;
@@ -32,13 +40,20 @@ pub fn dielectric(cos_i: f64, eta_i: f64, eta_t: f64) -> f64 {
     let (sum_s, sum_p) = (cos_i + g, n2 * cos_i + g);
     let r_s = contrast / (sum_s * sum_s);
     let r_p = contrast * ((n2 + 1.0) * cos_i * cos_i - 1.0) / (sum_p * sum_p);
-    (0.5 * (r_s * r_s + r_p * r_p)).min(1.0)
+    polarization.of(r_s * r_s, r_p * r_p).min(1.0)
 }
 
 /// Reflectance in [0, 1] of a metal of index `n + i k` seen from index `eta_i` at `cos_i` in [0,
-/// 1].
+/// 1], for unpolarized light.
 #[must_use]
 pub fn conductor(cos_i: f64, eta_i: f64, n: f64, k: f64) -> f64 {
+    conductor_for(Polarization::Average, cos_i, eta_i, n, k)
+}
+
+/// The same for light of a polarization.
+#[must_use]
+#[inline]
+pub fn conductor_for(polarization: Polarization, cos_i: f64, eta_i: f64, n: f64, k: f64) -> f64 {
     let (n, k) = (n / eta_i, k / eta_i);
     let cos2 = cos_i * cos_i;
     let sin2 = 1.0 - cos2;
@@ -52,7 +67,7 @@ pub fn conductor(cos_i: f64, eta_i: f64, n: f64, k: f64) -> f64 {
     let p_sum = cos2 * modulus + sin2 * sin2;
     let p_mix = s_mix * sin2;
     let r_p = r_s * (p_sum - p_mix) / (p_sum + p_mix);
-    let r = 0.5 * (r_s + r_p);
+    let r = polarization.of(r_s, r_p);
     // 0/0: grazing incidence on a "metal" that is the medium itself
     if r.is_finite() {
         r.clamp(0.0, 1.0)

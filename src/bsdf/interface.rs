@@ -4,6 +4,7 @@
 
 use super::albedo::AlbedoTables;
 use super::{CoatingLanes, fresnel};
+use crate::optics::Polarization;
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 
 /// Refractive indices on the two sides of a surface, per lane.
@@ -19,6 +20,8 @@ pub struct Interface<'a> {
     pub dispersive: bool,
     /// Layers between the two media, on smooth interfaces.
     pub coating: Option<&'a CoatingLanes>,
+    /// Polarization that smooth surfaces are computed for.
+    pub polarization: Polarization,
     /// Albedos of the rough lobes there are.
     pub albedos: &'a AlbedoTables,
 }
@@ -57,6 +60,11 @@ impl<'a> Interface<'a> {
             .map(|eta| eta[..self.count].iter().sum::<f64>() / self.count as f64)
     }
 
+    /// Fresnel reflectance between two indices at cosine `cos` on the side of the first.
+    pub(super) fn reflectance(&self, cos: f64, [near, far]: [f64; 2]) -> f64 {
+        fresnel::dielectric_for(self.polarization, cos, near, far)
+    }
+
     /// Reflectance and transmittance of the smooth interface in lane `k` at cosine `cos` on the
     /// side `above`, with its coating.
     pub(super) fn response(&self, k: usize, cos: f64, above: bool) -> [f64; 2] {
@@ -64,11 +72,11 @@ impl<'a> Interface<'a> {
         let indices = [near[k], far[k]];
         match self.coating {
             None => {
-                let r = fresnel::dielectric(cos, indices[0], indices[1]);
+                let r = self.reflectance(cos, indices);
                 [r, 1.0 - r]
             }
             Some(coating) => {
-                let response = coating.response(k, cos, above, indices);
+                let response = coating.response(k, cos, above, indices, self.polarization);
                 [response.r, response.t]
             }
         }
@@ -92,7 +100,7 @@ impl<'a> Interface<'a> {
         // without dispersion the ratio of the indices, hence the reflectance, is that of the hero
         let lanes = if self.dispersive { self.count } else { 1 };
         let sum: f64 = (0..lanes)
-            .map(|k| fresnel::dielectric(cos, near[k], far[k]))
+            .map(|k| self.reflectance(cos, [near[k], far[k]]))
             .sum();
         sum / lanes as f64
     }

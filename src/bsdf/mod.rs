@@ -187,18 +187,14 @@ impl Bsdf<'_> {
     pub fn eval(&self, w_light: DVec3, w_camera: DVec3) -> BsdfEval {
         if let [(weight, lobe)] = self.lobes {
             // most surfaces: no sums to keep
-            let mut eval = lobe
-                .eval(w_light, w_camera, &self.interface)
-                .unwrap_or(BsdfEval::BLACK);
+            let mut eval = lobe.eval(w_light, w_camera, &self.interface);
             eval.g *= *weight;
             return eval;
         }
         let mut sum = BsdfEval::BLACK;
         let scale = 1.0 / self.total_weight();
         for (weight, lobe) in self.lobes {
-            let Some(eval) = lobe.eval(w_light, w_camera, &self.interface) else {
-                continue;
-            };
+            let eval = lobe.eval(w_light, w_camera, &self.interface);
             let selection = f64::from(*weight) * scale;
             sum.g += eval.g * *weight;
             if let Some((camera, light)) = eval.columns {

@@ -43,6 +43,7 @@ pub(super) fn interface(above: &[f64], below: &[f64]) -> Interface<'static> {
         count: above.len(),
         dispersive,
         coating: None,
+        polarization: crate::optics::Polarization::Average,
         albedos: &TABLES,
     }
 }

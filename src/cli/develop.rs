@@ -1,14 +1,14 @@
 //! `abbe develop`: pictures of images and parts.
 
 use super::args::DevelopOptions;
-use super::image_output::{development, preview_path, preview_text};
+use super::image_output::{preview_path, preview_text};
 use super::{CliError, Outcome, print};
 use crate::develop::{Development, Exposure};
 use crate::io::atomic::write_atomic;
 use crate::io::destination::Claims;
-use crate::io::exr::{self, ExrImage};
+use crate::io::exr::ExrImage;
+use crate::io::image::{self, development};
 use crate::io::png::{Depth, picture_bytes};
-use crate::io::{image, part};
 use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -36,16 +36,7 @@ fn target(options: &DevelopOptions, source: &Path) -> PathBuf {
 }
 
 fn develop(options: &DevelopOptions, source: &Path) -> Result<(), CliError> {
-    let image = if part::is_part(source)? {
-        let part = part::read(source)?;
-        if part.header.pass_count() == 0 {
-            let text = "no pass of it is whole: there is no picture (render goes on with --resume)";
-            return Err(CliError::file(source, text));
-        }
-        image::of_part(&part)?
-    } else {
-        exr::read(source)?
-    };
+    let image = image::read(source)?;
     let xyz = match &options.layer {
         None => image.xyz(),
         Some(name) => image.layer_xyz(name),

@@ -4,6 +4,7 @@ use crate::film::AddSumsError;
 use crate::io::atomic::FileError;
 use crate::io::destination::ClaimError;
 use crate::io::exr::ExrError;
+use crate::io::image::ReadError;
 use crate::io::loaded::LoadError;
 use crate::io::part::PartError;
 use crate::job::JobError;
@@ -42,6 +43,9 @@ pub enum CliError {
     /// An image that could not be read or written.
     #[error(transparent)]
     Image(#[from] ExrError),
+    /// An image that could not be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
     /// A part file that could not be read, written or merged.
     #[error(transparent)]
     Part(#[from] PartError),

@@ -1,10 +1,10 @@
 //! An image with its preview.
 
 use super::CliError;
-use crate::develop::{Development, Exposure};
+use crate::develop::Exposure;
 use crate::io::atomic::write_atomic;
-use crate::io::exr::{self, ExrImage, MetadataValue};
-use crate::io::identity::{DETECTOR, SENSOR_KIND};
+use crate::io::exr::{self, ExrImage};
+use crate::io::image::development;
 use crate::io::png::{Depth, picture_bytes};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -23,15 +23,6 @@ pub fn preview_text(path: &Path, stops: f64, clipped: f64) -> String {
         );
     }
     text
-}
-
-/// The development of an image by the kind of its sensor, if nothing else is asked for.
-#[must_use]
-pub fn development(image: &ExrImage) -> Development {
-    match image.metadata.get(SENSOR_KIND) {
-        Some(MetadataValue::Text(kind)) if kind == DETECTOR => Development::MEASUREMENT,
-        _ => Development::PHOTOGRAPH,
-    }
 }
 
 /// Writes an XYZ image and, where a path is given, its preview, brightened by `exposure` (`None`:

@@ -40,7 +40,7 @@ pub fn run(options: &InfoOptions) -> Result<Outcome, CliError> {
 
 /// Effects of the scene, and whether each sensor is regularized.
 fn effects(loaded: &Loaded) -> Vec<Effect> {
-    let decided = |sensor| summary::decided(&decide(&loaded.scene, sensor, &loaded.settings));
+    let decided = |sensor| decide(&loaded.scene, sensor, &loaded.settings).effect();
     let sensors = 0..loaded.scene.sensors.len();
     loaded
         .scene

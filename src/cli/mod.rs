@@ -32,6 +32,7 @@ mod usage;
 use args::{Arguments, Command};
 use clap::Parser;
 pub use error::CliError;
+use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::process::ExitCode;
 use terminal::{print, tell};
@@ -48,16 +49,22 @@ pub enum Outcome {
     Interrupted,
 }
 
-/// Runs the command line of this process: 0 done, 1 failed, 2 usage, 130 interrupted with the image
-/// saved.
+/// Runs the command line of this process, see [`run_with`].
 #[must_use]
 pub fn run() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+    ExitCode::from(run_with(std::env::args_os()))
+}
+
+/// Runs a command line, whose first argument is the name of the program: 0 done, 1 failed, 2 usage,
+/// 130 interrupted with the image saved.
+#[must_use]
+pub fn run_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
             // help and version are "errors" with exit code 0; a closed pipe is no reason to fail
             _ = error.print();
-            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+            return u8::try_from(error.exit_code()).unwrap_or(2);
         }
     };
     let outcome = match arguments.command {
@@ -75,15 +82,15 @@ pub fn run() -> ExitCode {
         Command::Convert(options) => convert::run(&options),
     };
     match outcome {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::Interrupted) => ExitCode::from(INTERRUPTED),
+        Ok(Outcome::Done) => 0,
+        Ok(Outcome::Interrupted) => INTERRUPTED,
         // whoever has closed the pipe does not ask why
-        Err(CliError::Stdout(e)) if e.kind() == ErrorKind::BrokenPipe => ExitCode::from(1),
+        Err(CliError::Stdout(e)) if e.kind() == ErrorKind::BrokenPipe => 1,
         Err(error) => {
             for line in error.to_string().lines() {
                 tell(&format!("error: {line}"));
             }
-            ExitCode::from(error.exit_code())
+            error.exit_code()
         }
     }
 }

@@ -7,7 +7,7 @@ use super::interrupt::{self, Interrupts};
 use super::memory::{self, Need};
 use super::progress::Progress;
 use super::save::{self, Saver, Targets};
-use super::stats::{self, SensorStats};
+use super::stats;
 use super::{CliError, Outcome, print, summary, tell, threads};
 use crate::film::Crop;
 use crate::io::destination::Claims;
@@ -21,6 +21,7 @@ use crate::render::session::NO_LIMIT;
 use crate::render::{
     OutputRequest, PhotonMemory, Render, Session, SessionOptions, StopReason, StopRules,
 };
+use crate::report::statistics::SensorStats;
 use crate::spectrum::SpectralChannels;
 use rayon::ThreadPool;
 use std::cell::RefCell;
@@ -71,7 +72,8 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         .iter()
         .map(|&s| crop(options, &loaded, s))
         .collect::<Result<Vec<_>, _>>()?;
-    let request = output_request(options, &loaded);
+    let class_table = options.stats.is_some();
+    let request = layers::request(&loaded, &options.aov, options.spectral, class_table);
     let _part = save::take_part(options)?;
     let need = need(options, &loaded, &request, &crops);
     need.check(options.max_memory)?;
@@ -191,32 +193,6 @@ fn crop(options: &RenderOptions, loaded: &Loaded, sensor: usize) -> Result<Crop,
             "crop {},{},{},{} reaches beyond sensor \"{}\" of {} x {} pixels",
             crop.x0, crop.y0, crop.x1, crop.y1, sensor.name, size.width, size.height
         ))),
-    }
-}
-
-fn output_request(options: &RenderOptions, loaded: &Loaded) -> OutputRequest {
-    let spectral = options.spectral.map(|bins| {
-        let lines = loaded.scene.wavelengths.atoms().map(|(nm, _)| nm).collect();
-        let range_nm = loaded.scene.wavelength_settings.range_nm;
-        SpectralChannels::new(range_nm, usize::from(bins), lines)
-    });
-    let class = |a: &Layer| {
-        if let Layer::Class(regex) = a {
-            Some(regex.clone())
-        } else {
-            None
-        }
-    };
-    OutputRequest {
-        response: loaded.response(),
-        spectral,
-        strategies: options.aov.iter().any(|a| matches!(a, Layer::Strategies)),
-        classes: options.aov.iter().filter_map(class).collect(),
-        shares: options
-            .aov
-            .iter()
-            .any(|a| matches!(a, Layer::Unbiased | Layer::Regularized)),
-        class_table: options.stats.is_some(),
     }
 }
 

@@ -1,15 +1,14 @@
 //! Summary of a render in words: effects before, a closing summary after.
 
 use super::memory::Need;
-use super::stats::{FEW_HITS, SensorStats};
 use super::usage::bytes_text;
 use crate::medium::Boundary;
 use crate::render::forecast::Forecast;
 use crate::render::{Flux, PhotonMemory, RadiusChoice, Render, Total};
 use crate::report::readable::{duration, percent};
+use crate::report::statistics::{FEW_HITS, SensorStats};
 use crate::scene::Scene;
-use crate::scene::effects::{Effect, EffectKind};
-use crate::scene::regularization::Decision;
+use crate::scene::effects::Effect;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -32,20 +31,10 @@ pub fn effects(effects: &[Effect]) -> String {
     format!("effects\n{}", effects.iter().map(line).collect::<String>())
 }
 
-/// A decision on regularization as an effect of the render.
-#[must_use]
-pub fn decided(decision: &Decision) -> Effect {
-    Effect {
-        kind: EffectKind::Regularization,
-        on: decision.mode.is_some(),
-        reason: decision.to_string(),
-    }
-}
-
 /// Whether and with which cones a render is regularized.
 #[must_use]
 pub fn regularization(render: &Render) -> String {
-    let mut text = effects(&[decided(render.regularization())])
+    let mut text = effects(&[render.regularization().effect()])
         .trim_start_matches("effects\n")
         .to_owned();
     if let Some(choice) = render.epsilon() {
@@ -54,6 +43,9 @@ pub fn regularization(render: &Render) -> String {
             "  {:<14} {:<4} {:.5} rad in pass 0: {}",
             "epsilon", "", choice.epsilon, choice.reason
         );
+    }
+    if let Some(found) = render.tries() {
+        _ = writeln!(text, "  {:<14} {:<4} {found}", "aims", "");
     }
     if let Some(found) = render.factors() {
         _ = writeln!(text, "  {:<14} {:<4} {found}", "weights", "");

@@ -1,6 +1,10 @@
 //! Chromatic adaptation: the color that appears white.
 
+use crate::spectrum::Curve;
+use crate::spectrum::library::Library;
+use crate::spectrum::xyz::{curve_to_xyz, emission_to_xyz, linear_srgb_to_xyz};
 use glam::{DMat3, DVec3};
+use std::str::FromStr;
 
 /// The white of the displays, D65 with Y = 1 (IEC 61966-2-1: x = 0.3127, y = 0.3290).
 const DISPLAY_WHITE: [f64; 3] = [0.950_455_927, 1.0, 1.089_057_751];
@@ -14,6 +18,38 @@ pub enum White {
     Scene,
     /// A color, XYZ with any Y above 0.
     Color([f64; 3]),
+}
+
+impl FromStr for White {
+    type Err = String;
+
+    /// `none`, `scene`, a color in linear sRGB, a temperature, or a spectrum by name.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let allowed = "expected none, scene, a color R,G,B (linear sRGB), a temperature such as 3200K, or the name of a spectrum such as D50";
+        let positive = |text: &str| {
+            let value = text.trim().parse().ok();
+            value.filter(|v: &f64| v.is_finite() && *v > 0.0)
+        };
+        match text {
+            "none" => return Ok(Self::Unadapted),
+            "scene" => return Ok(Self::Scene),
+            _ => {}
+        }
+        let xyz = if text.contains(',') {
+            let rgb: Option<Vec<f64>> = text.split(',').map(positive).collect();
+            let rgb = rgb.and_then(|rgb| <[f64; 3]>::try_from(rgb).ok());
+            linear_srgb_to_xyz(rgb.ok_or(allowed)?)
+        } else if let Some(Some(temp_k)) = text.strip_suffix('K').map(positive) {
+            if !(1000.0..=100_000.0).contains(&temp_k) {
+                return Err("expected a temperature from 1000K to 100000K".to_owned());
+            }
+            curve_to_xyz(&Curve::Blackbody { temp_k, scale: 1.0 })
+        } else {
+            let spectrum = Library::embedded().emission(text);
+            emission_to_xyz(&spectrum.map_err(|e| format!("{e}; {allowed}"))?)
+        };
+        Ok(Self::Color(xyz))
+    }
 }
 
 impl White {

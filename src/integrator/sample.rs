@@ -13,7 +13,8 @@ use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::Sharing;
 use crate::scene::{Scene, Settings};
 use crate::spectrum::{LaneResponse, SampledSpectrum, SensorResponse};
-use crate::transport::connect::{Joiner, Photons, Receiver, Scratch};
+use crate::transport::aim::tries::Origin;
+use crate::transport::connect::{AimTally, Joiner, Photons, Receiver, Scratch};
 use crate::transport::context::SharedSample;
 use crate::transport::strategies::Merge;
 use crate::transport::subpath::Vertex;
@@ -168,6 +169,19 @@ pub struct Workspace {
 }
 
 impl Workspace {
+    /// Counts from now on what chains cost that are solved for: of each kind from each origin.
+    pub fn count_aims(&mut self, kinds: usize) {
+        self.scratch.tally.clear();
+        let all = Origin::COUNT * kinds;
+        self.scratch.tally.resize(all, AimTally::default());
+    }
+
+    /// These costs, origin by origin.
+    #[must_use]
+    pub fn aims(&self) -> &[AimTally] {
+        &self.scratch.tally
+    }
+
     /// The last sample's camera sub-path.
     #[must_use]
     pub fn camera_subpath(&self) -> &Subpath {

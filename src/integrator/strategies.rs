@@ -29,6 +29,7 @@ pub fn strategies(
         single: None,
         bias_weight: 1.0,
         aims: Aims::NONE,
+        tries: None,
         disabled: &settings.disabled,
     };
     let every = StrategySet {

@@ -4,6 +4,7 @@
 use super::part::{PartHeader, PassRange};
 use crate::film::Filter;
 use crate::math::hash::hash_bytes;
+use crate::optics::Polarization;
 use crate::render::{EpsilonChoice, RadiusChoice, Render};
 use crate::scene::description::WavelengthChoice;
 use crate::scene::settings::{Merging, Regularization};
@@ -117,7 +118,7 @@ fn image_values(
     } else {
         "camera"
     };
-    vec![
+    let mut values = vec![
         ("integrator", settings.integrator.to_string()),
         ("heuristic", settings.heuristic.to_string()),
         ("regularize", settings.regularization.mode.to_string()),
@@ -131,7 +132,11 @@ fn image_values(
             "unit",
             unit_name(response, is_detector(scene, sensor)).to_owned(),
         ),
-    ]
+    ];
+    if scene.polarization != Polarization::Average {
+        values.push(("fresnel", scene.polarization.to_string()));
+    }
+    values
 }
 
 /// Attribute with the width of a pixel over its height, which OpenEXR has a place of its own for.

@@ -4,12 +4,15 @@
 //! renders give the same bytes.
 
 use super::exr::{
-    Channel, ExrImage, ImageMetadata, MetadataValue, spectral_channel_name, xyz_channels,
+    Channel, ExrError, ExrImage, ImageMetadata, MetadataValue, read as read_exr,
+    spectral_channel_name, xyz_channels,
 };
 use super::identity;
-use super::part::{Part, PartHeader};
+use super::part::{self, Part, PartError, PartHeader};
+use crate::develop::Development;
 use crate::film::{AddSumsError, Film, Filter};
 use crate::render::Render;
+use std::path::{Path, PathBuf};
 
 /// The XYZ image of a render.
 #[must_use]
@@ -36,6 +39,47 @@ pub fn film_of_part(part: &Part) -> Result<Film, AddSumsError> {
     let mut film = film.with_exponent(header.exponent);
     film.add_sums(&part.sums)?;
     Ok(film)
+}
+
+/// Reads an image, or makes that of a part.
+///
+/// # Errors
+/// Where the file cannot be read, or is a part without a whole pass.
+pub fn read(path: &Path) -> Result<ExrImage, ReadError> {
+    if !part::is_part(path)? {
+        return Ok(read_exr(path)?);
+    }
+    let part = part::read(path)?;
+    if part.header.pass_count() == 0 {
+        return Err(ReadError::NoPass(path.to_owned()));
+    }
+    Ok(of_part(&part)?)
+}
+
+/// Why there is no image in a file.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// An image that cannot be read.
+    #[error(transparent)]
+    Exr(#[from] ExrError),
+    /// A part that cannot be read.
+    #[error(transparent)]
+    Part(#[from] PartError),
+    /// A part whose sums do not fit its header.
+    #[error(transparent)]
+    Sums(#[from] AddSumsError),
+    /// A part without a whole pass.
+    #[error("{}: no pass of it is whole: there is no picture (render goes on with --resume)", .0.display())]
+    NoPass(PathBuf),
+}
+
+/// The development of an image by the kind of its sensor.
+#[must_use]
+pub fn development(image: &ExrImage) -> Development {
+    match image.metadata.get(identity::SENSOR_KIND) {
+        Some(MetadataValue::Text(kind)) if kind == identity::DETECTOR => Development::MEASUREMENT,
+        _ => Development::PHOTOGRAPH,
+    }
 }
 
 fn xyz_image(film: &Film, header: &PartHeader) -> ExrImage {

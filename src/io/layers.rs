@@ -1,11 +1,14 @@
 //! Extra layers of an XYZ image: errors, strategies, classes of paths, first hits.
 
 use super::exr::{Channel, ExrImage, MetadataValue, xyz_channels};
+use super::loaded::Loaded;
 use crate::film::Film;
-use crate::render::Render;
 use crate::render::bias::bias_image;
 use crate::render::guides::{Guide, guides};
+use crate::render::{OutputRequest, Render};
+use crate::spectrum::SpectralChannels;
 use regex::Regex;
+use std::str::FromStr;
 use std::sync::PoisonError;
 
 /// An extra layer of the image.
@@ -29,6 +32,36 @@ pub enum Layer {
     Bias,
     /// Paths of one class.
     Class(Regex),
+}
+
+impl FromStr for Layer {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Ok(match text {
+            "error" => Self::Error,
+            "strategies" => Self::Strategies,
+            "depth" => Self::Depth,
+            "normal" => Self::Normal,
+            "albedo" => Self::Albedo,
+            "regularized" => Self::Regularized,
+            "unbiased" => Self::Unbiased,
+            "bias" => Self::Bias,
+            _ => {
+                let expression = text
+                    .strip_prefix("class:")
+                    .ok_or("expected error, strategies, regularized, unbiased, bias, depth, normal, albedo or class:REGEX")?;
+                let wrong = |e: regex::Error| {
+                    e.to_string()
+                        .lines()
+                        .last()
+                        .unwrap_or("not a regular expression")
+                        .to_owned()
+                };
+                Self::Class(Regex::new(expression).map_err(wrong)?)
+            }
+        })
+    }
 }
 
 impl Layer {
@@ -75,6 +108,35 @@ impl Layer {
                 "X, Y, Z of paths whose class matches the expression of attribute classN",
             ),
         }
+    }
+}
+
+/// Outputs that a render must keep for these layers, for a spectral image of `bins`, and for the
+/// table of classes in its statistics.
+#[must_use]
+pub fn request(
+    loaded: &Loaded,
+    layers: &[Layer],
+    bins: Option<u16>,
+    class_table: bool,
+) -> OutputRequest {
+    let spectral = bins.map(|bins| {
+        let lines = loaded.scene.wavelengths.atoms().map(|(nm, _)| nm).collect();
+        let range_nm = loaded.scene.wavelength_settings.range_nm;
+        SpectralChannels::new(range_nm, usize::from(bins), lines)
+    });
+    let class = |layer: &Layer| match layer {
+        Layer::Class(regex) => Some(regex.clone()),
+        _ => None,
+    };
+    let is_share = |l: &Layer| matches!(l, Layer::Unbiased | Layer::Regularized);
+    OutputRequest {
+        response: loaded.response(),
+        spectral,
+        strategies: layers.iter().any(|l| matches!(l, Layer::Strategies)),
+        classes: layers.iter().filter_map(class).collect(),
+        shares: layers.iter().any(is_share),
+        class_table,
     }
 }
 

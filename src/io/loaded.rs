@@ -1,6 +1,6 @@
 //! A scene file, read and built: the scene, its settings, and the scale of its images.
 
-use super::scene_file::{self, OutputUnits, SceneFileErrors};
+use super::scene_file::{self, LoadedScene, OutputUnits, SceneFileErrors};
 use crate::scene::frozen::Frozen;
 use crate::scene::{Scene, Settings};
 use crate::spectrum::SensorResponse;
@@ -67,6 +67,14 @@ pub fn load_frozen(
     if let Some(frozen) = frozen {
         file.description.freeze(frozen);
     }
+    Ok(build(file, path)?)
+}
+
+/// Builds a scene that was read from the file `path`, or whatever stands for it in messages.
+///
+/// # Errors
+/// Where its parts make no scene.
+pub fn build(file: LoadedScene, path: &Path) -> Result<Loaded, SceneFileErrors> {
     let scene =
         Scene::build(file.description).map_err(|error| file.places.build_error(path, &error))?;
     let mut warnings = file.warnings;

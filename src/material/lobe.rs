@@ -412,6 +412,7 @@ mod tests {
                 count,
                 dispersive: false,
                 coating: None,
+                polarization: crate::optics::Polarization::Average,
                 albedos: &NO_ALBEDOS,
             })
         };

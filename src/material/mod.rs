@@ -244,6 +244,18 @@ impl Material {
             .any(|(weight, spec)| weight.constant() != Some(0.0) && spec.is_specular())
     }
 
+    /// Whether its reflectances can be told for one polarization: those of facets and of layers of
+    /// paint are for unpolarized light.
+    #[must_use]
+    pub fn keeps_polarization(&self) -> bool {
+        let counts = |weight: &ScalarTexture| weight.constant() != Some(0.0);
+        let is_known =
+            |spec: &LobeSpec| matches!(spec, LobeSpec::Diffuse { .. }) || spec.is_specular();
+        self.lobes
+            .iter()
+            .all(|(weight, spec)| !counts(weight) || is_known(spec))
+    }
+
     /// Whether any lobe needs a medium on each side (dielectric).
     #[must_use]
     pub fn needs_interior(&self) -> bool {

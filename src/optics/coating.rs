@@ -6,6 +6,7 @@
 //! Optical Filters, 4th ed., chapter 2; Born and Wolf, Principles of Optics, section 1.6). Layers
 //! that absorb much are kept from overflow by a common factor.
 
+use super::Polarization;
 use crate::spectrum::Ior;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -55,15 +56,6 @@ pub struct Stack {
     pub backing: Option<Ior>,
 }
 
-/// Polarization of the electric field against the plane of incidence.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Polarization {
-    /// Perpendicular to it.
-    S,
-    /// In it.
-    P,
-}
-
 /// Parts of the incident power: reflected, transmitted, absorbed in the layers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
@@ -109,11 +101,8 @@ fn cosine(n: Complex64, n_sin: f64) -> Complex64 {
     if outward { cos } else { -cos }
 }
 
-fn admittance(n: Complex64, cos: Complex64, polarization: Polarization) -> Complex64 {
-    match polarization {
-        Polarization::S => n * cos,
-        Polarization::P => n / cos,
-    }
+fn admittance(n: Complex64, cos: Complex64, is_p: bool) -> Complex64 {
+    if is_p { n / cos } else { n * cos }
 }
 
 impl Films {
@@ -128,6 +117,22 @@ impl Films {
         cos_in: f64,
         polarization: Polarization,
     ) -> Response {
+        let one = |is_p| self.response_of(lambda_nm, n_in, n_out, cos_in, is_p);
+        match polarization {
+            Polarization::Average => one(false).mean(one(true)),
+            Polarization::S => one(false),
+            Polarization::P => one(true),
+        }
+    }
+
+    fn response_of(
+        &self,
+        lambda_nm: f64,
+        n_in: f64,
+        n_out: Complex64,
+        cos_in: f64,
+        is_p: bool,
+    ) -> Response {
         let n_sin = n_in * (1.0 - cos_in * cos_in).max(0.0).sqrt();
         // at grazing incidence everything is reflected
         if cos_in <= 0.0 {
@@ -137,15 +142,15 @@ impl Films {
                 a: 0.0,
             };
         }
-        let eta_in = admittance(n_in.into(), cos_in.into(), polarization);
-        let eta_out = admittance(n_out, cosine(n_out, n_sin), polarization);
+        let eta_in = admittance(n_in.into(), cos_in.into(), is_p);
+        let eta_out = admittance(n_out, cosine(n_out, n_sin), is_p);
         // electric and magnetic field behind the stack, carried to its front; the power of e taken
         // out is kept apart
         let (mut b, mut c) = (Complex64::from(1.0), eta_out);
         let mut log_scale = 0.0;
         for &(n, nm) in self.layers.iter().rev() {
             let cos = cosine(n, n_sin);
-            let eta = admittance(n, cos, polarization);
+            let eta = admittance(n, cos, is_p);
             let delta = n * cos * (TAU * nm / lambda_nm);
             // cos and sin of delta times exp(-|Im delta|)
             let damping = delta.im.abs();
@@ -168,19 +173,6 @@ impl Films {
             t: power * out,
             a: power * ((b * c.conj()).re - out),
         }
-    }
-
-    /// Mean of both polarizations: unpolarized light.
-    #[must_use]
-    pub fn unpolarized(
-        &self,
-        lambda_nm: f64,
-        n_in: f64,
-        n_out: Complex64,
-        cos_in: f64,
-    ) -> Response {
-        let one = |p| self.response(lambda_nm, n_in, n_out, cos_in, p);
-        one(Polarization::S).mean(one(Polarization::P))
     }
 }
 
@@ -220,7 +212,7 @@ pub fn interface(
 ) -> Response {
     let bare = (Films { layers: Vec::new() }, Complex64::from(n_out));
     let (films, behind) = coating.map_or(bare, |stack| stack.films(lambda_nm, n_out));
-    films.unpolarized(lambda_nm, n_in, behind, cos_in)
+    films.response(lambda_nm, n_in, behind, cos_in, Polarization::Average)
 }
 
 #[cfg(test)]
@@ -267,7 +259,7 @@ mod tests {
         // bare glass, Brewster's angle, a quarter wave, total reflection
         let bare = Films { layers: vec![] };
         let n = 1.5f64;
-        let normal = bare.unpolarized(500.0, 1.0, n.into(), 1.0);
+        let normal = bare.response(500.0, 1.0, n.into(), 1.0, Polarization::Average);
         assert!((normal.r - 0.04).abs() < 1e-15 && normal.a.abs() < 1e-15);
         let brewster = n.atan().cos();
         let p = bare.response(500.0, 1.0, n.into(), brewster, Polarization::P);
@@ -276,8 +268,15 @@ mod tests {
             layers: vec![(Complex64::from(1.38), 500.0 / 4.0 / 1.38)],
         };
         let r = ((n - 1.38f64.powi(2)) / (n + 1.38f64.powi(2))).powi(2);
-        assert!((quarter.unpolarized(500.0, 1.0, n.into(), 1.0).r - r).abs() < 1e-15);
-        let total = quarter.unpolarized(500.0, n, 1.0.into(), 0.5);
+        assert!(
+            (quarter
+                .response(500.0, 1.0, n.into(), 1.0, Polarization::Average)
+                .r
+                - r)
+                .abs()
+                < 1e-15
+        );
+        let total = quarter.response(500.0, n, 1.0.into(), 0.5, Polarization::Average);
         assert!((total.r - 1.0).abs() < 1e-14 && total.t == 0.0);
     }
 
@@ -288,8 +287,8 @@ mod tests {
         };
         let bulk = Films { layers: vec![] };
         let metal = Complex64::new(0.9, 6.5);
-        let one = thick.unpolarized(550.0, 1.0, 1.5.into(), 0.7);
-        let two = bulk.unpolarized(550.0, 1.0, metal, 0.7);
+        let one = thick.response(550.0, 1.0, 1.5.into(), 0.7, Polarization::Average);
+        let two = bulk.response(550.0, 1.0, metal, 0.7, Polarization::Average);
         assert!((one.r - two.r).abs() < 1e-14 && one.t == 0.0);
         assert!((one.r + one.a - 1.0).abs() < 1e-12);
     }

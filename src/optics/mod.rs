@@ -10,6 +10,7 @@ pub mod aperture;
 pub mod coating;
 mod interval;
 pub mod paraxial;
+pub mod polarization;
 pub mod prescription;
 pub mod profile;
 pub mod seidel;
@@ -21,6 +22,7 @@ mod validate;
 pub use aperture::{Aperture, Outline};
 pub use coating::{Layer, Stack};
 pub use paraxial::FirstOrder;
+pub use polarization::Polarization;
 pub use prescription::{
     Break, FieldKind, Interaction, Medium, Prescription, Surface, SystemAperture, Wavelength,
 };

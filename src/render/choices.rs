@@ -3,7 +3,10 @@
 //! that who renders some of the passes elsewhere can be told them instead of finding them again.
 
 use super::variance::{self, cells, has_factors};
-use super::{EpsilonChoice, PilotPasses, RadiusChoice, VarianceFactors, epsilon, merging, pilot};
+use super::{
+    EpsilonChoice, PilotPasses, RadiusChoice, TriesChoice, VarianceFactors, epsilon, merging,
+    pilot, tries,
+};
 use crate::film::Crop;
 use crate::integrator::SensorJob;
 use crate::light::LightId;
@@ -14,7 +17,7 @@ use crate::transport::class::PathClass;
 use crate::transport::factors::{Cells, FactorKey, Factors};
 use serde::{Deserialize, Serialize};
 
-/// What the pilots of a render have found.
+/// Results of the pilots of a render.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Choices {
@@ -22,6 +25,8 @@ pub struct Choices {
     pub epsilon: Option<EpsilonChoice>,
     /// r₁ of renders with merging.
     pub radius: Option<RadiusChoice>,
+    /// How often chains are solved for, where any are.
+    pub tries: Option<TriesChoice>,
     /// Variance factors of the weights, where they have any.
     pub factors: Option<VarianceFactors>,
     /// Share of contributions below which roulette decides on their shadow rays, in Y.
@@ -32,18 +37,25 @@ pub struct Choices {
 impl Choices {
     /// Runs the pilots.
     pub(super) fn find(
-        frame: &SensorJob,
+        frame: SensorJob,
         crop: Crop,
         response: SensorResponse,
         pilot: PilotPasses,
     ) -> Self {
-        let epsilon = is_regularized(frame).then(|| epsilon::choose(frame, response));
+        let epsilon = is_regularized(&frame).then(|| epsilon::choose(&frame, response));
         let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
+        let radius = merges(&frame).then(|| merging::choose_radius(&frame, response));
+        let tries = tries::choose(&frame, crop, cone, response, pilot);
+        let mut aiming = frame;
+        aiming.strategies.tries = tries.as_ref().map(|found| &found.tries);
+        let factors = variance::choose(&aiming, crop, cone, response, pilot);
+        let roulette_threshold = pilot::roulette_threshold(&aiming, cone, response);
         Self {
-            radius: merges(frame).then(|| merging::choose_radius(frame, response)),
-            factors: variance::choose(frame, crop, cone, response, pilot),
-            roulette_threshold: pilot::roulette_threshold(frame, cone, response),
             epsilon,
+            radius,
+            tries,
+            factors,
+            roulette_threshold,
         }
     }
 
@@ -52,12 +64,17 @@ impl Choices {
         let Self {
             epsilon,
             radius,
+            tries,
             factors,
             roulette_threshold,
         } = self;
         let is_positive = |v: f64| v > 0.0 && v.is_finite();
         epsilon.is_some() == is_regularized(frame)
             && radius.is_some() == merges(frame)
+            && tries.is_some() == frame.strategies.aims.any()
+            && tries
+                .as_ref()
+                .is_none_or(|found| found.kinds == frame.scene.chains().kinds().len())
             && factors.is_some() == has_factors(frame)
             && epsilon.as_ref().is_none_or(|e| is_positive(e.epsilon))
             && radius.as_ref().is_none_or(|r| is_positive(r.radius))

@@ -74,6 +74,7 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
                     count: lanes.count(),
                     dispersive: false,
                     coating: coating.as_ref(),
+                    polarization: scene.polarization,
                     albedos: scene.albedos(),
                 };
                 let mut lobes = Vec::new();

@@ -16,6 +16,7 @@ pub mod pilot;
 pub mod session;
 pub mod stop;
 pub mod table;
+pub mod tries;
 pub mod variance;
 
 pub use choices::Choices;
@@ -28,6 +29,7 @@ pub use pass::{TileObserver, Tiles, UnfinishedPass};
 pub use session::{Progress, Session, SessionError, SessionOptions};
 pub use stop::{Cancel, StopReason, StopRules};
 pub use table::ClassTable;
+pub use tries::TriesChoice;
 pub use variance::{PilotPasses, VarianceFactors};
 
 use crate::film::{AddSumsError, Crop};
@@ -86,7 +88,7 @@ impl Render {
         pilot: PilotPasses,
     ) -> Self {
         let frame = frame(scene, sensor, settings, &crop, request);
-        let choices = Choices::find(&frame, crop, request.response, pilot);
+        let choices = Choices::find(frame, crop, request.response, pilot);
         Self::chosen(scene, sensor, settings, crop, request, choices)
     }
 
@@ -161,14 +163,22 @@ impl Render {
             ..
         } = self;
         let mut frame = frame(scene, self.sensor, settings, crop, request);
-        frame.strategies.factors = self.choices.factors.as_ref().map(|found| &found.factors);
+        let choices = &self.choices;
+        frame.strategies.tries = choices.tries.as_ref().map(|found| &found.tries);
+        frame.strategies.factors = choices.factors.as_ref().map(|found| &found.factors);
         frame
     }
 
-    /// What its pilots have found.
+    /// Results of its pilots.
     #[must_use]
     pub fn choices(&self) -> &Choices {
         &self.choices
+    }
+
+    /// How often kinds of chains are solved for, where any are.
+    #[must_use]
+    pub fn tries(&self) -> Option<&TriesChoice> {
+        self.choices.tries.as_ref()
     }
 
     /// Variance factors of the weights, where they have any.

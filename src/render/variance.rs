@@ -141,6 +141,7 @@ pub fn choose(
         .collect();
     let groups = settings.iter().map(|settings| {
         let mut job = SensorJob::new(frame.scene, frame.sensor, settings, &crop, false);
+        job.strategies.tries = frame.strategies.tries;
         job.detailed = true;
         job.camera_only = true;
         job

@@ -10,5 +10,6 @@ mod error;
 pub(crate) mod html;
 mod json;
 pub mod readable;
+pub mod statistics;
 
 pub use error::ReportError;

@@ -51,6 +51,9 @@ pub enum Draw {
     /// Point of the sensor that light vertex i - 1 aims at through chains: two; 0: the start of the
     /// light sub-path.
     AimLens(usize),
+    /// Which kinds of chains are tried from camera vertex j (2 j) and from light vertex i - 1
+    /// (2 i + 1; 1: the start of the light sub-path).
+    AimTries(usize),
 }
 
 /// Draws of a kind that are stratified over the passes: the first so many vertices.
@@ -69,6 +72,7 @@ struct Place {
 }
 
 impl Draw {
+    #[inline]
     fn place(self) -> Place {
         let two = |a: usize, b: usize| (a as u64) << 26 | b as u64;
         // a walk is one path through a space of many dimensions
@@ -100,6 +104,7 @@ impl Draw {
             Self::Roulette(s, t, labels) => alone(8, two(s, 4 * t + labels), false),
             Self::AimLight(j) => alone(9, j as u64, j < STRATIFIED),
             Self::AimLens(i) => alone(10, i as u64, i < STRATIFIED),
+            Self::AimTries(i) => alone(11, i as u64, false),
         }
     }
 }

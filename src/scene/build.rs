@@ -23,6 +23,7 @@ use crate::light::selection::LightSelection;
 use crate::light::{Light, LightId};
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, MediumId, MediumStack};
+use crate::optics::Polarization;
 use crate::spectrum::Emission;
 use enclosures::Enclosures;
 use glam::{DVec2, DVec3};
@@ -89,6 +90,16 @@ pub enum BuildError {
     #[error("{subject} \"{name}\" moves from one medium into another while the shutter is open")]
     ChangingMedium {
         /// The light or sensor.
+        subject: Subject,
+        /// Name.
+        name: String,
+    },
+    /// A rough surface where one polarization is asked for.
+    #[error(
+        "{subject} \"{name}\" is rough, or coated paint: its reflectance is known for unpolarized light only (allowed: smooth and diffuse surfaces, or fresnel = \"average\")"
+    )]
+    NotPolarized {
+        /// The object.
         subject: Subject,
         /// Name.
         name: String,
@@ -162,6 +173,7 @@ impl BuildError {
             Self::UnclearMedium { subject, .. }
             | Self::OtherMedium { subject, .. }
             | Self::ChangingMedium { subject, .. }
+            | Self::NotPolarized { subject, .. }
             | Self::InsideOut { subject, .. }
             | Self::TwoMedia { subject, .. }
             | Self::Crowd { subject, .. }
@@ -237,6 +249,7 @@ impl Scene {
             albedos,
             media: description.media,
             wavelength_settings: description.wavelengths,
+            polarization: description.polarization,
             lights,
             light_names,
             light_stacks,
@@ -271,6 +284,7 @@ struct Builder {
     light_subjects: Vec<Subject>,
     sensors: Vec<Sensor>,
     enclosures: Enclosures,
+    polarization: Polarization,
     notes: Vec<String>,
 }
 
@@ -327,6 +341,7 @@ impl Builder {
             light_subjects: Vec::new(),
             sensors: Vec::with_capacity(description.sensors.len()),
             enclosures: Enclosures::default(),
+            polarization: description.polarization,
             notes: Vec::new(),
         }
     }
@@ -372,6 +387,12 @@ impl Builder {
                 transform: object.transform,
             });
             let material = &self.materials[object.material.0 as usize];
+            if self.polarization != Polarization::Average && !material.keeps_polarization() {
+                return Err(BuildError::NotPolarized {
+                    subject: Subject::Object(index),
+                    name: object.name,
+                });
+            }
             self.objects.push(Object {
                 is_interface: material.needs_interior(),
                 clear: material.is_clear_interface() && light.is_none(),

@@ -20,6 +20,7 @@ use crate::light::Light;
 use crate::material::{Material, MaterialId};
 use crate::math::hash::combine;
 use crate::medium::{Boundary, Medium, MediumId};
+use crate::optics::Polarization;
 use crate::spectrum::library::{Library, LibraryError};
 use crate::spectrum::{Emission, Ior};
 use glam::DAffine3;
@@ -84,6 +85,7 @@ impl SceneBuilder {
                     choice: WavelengthChoice::Scene,
                     range_nm: RANGE_NM,
                 },
+                polarization: Polarization::Average,
                 ambient: MediumId::AMBIENT,
                 hash: 0,
             },
@@ -175,6 +177,11 @@ impl SceneBuilder {
     /// otherwise.
     pub fn wavelengths(&mut self, wavelengths: WavelengthSettings) {
         self.description.wavelengths = wavelengths;
+    }
+
+    /// Polarization that smooth surfaces are computed for: unpolarized light unless told otherwise.
+    pub fn polarization(&mut self, polarization: Polarization) {
+        self.description.polarization = polarization;
     }
 
     /// Name by which parts of renders are known to be of the same scene. Without one, it is the

@@ -327,15 +327,16 @@ impl Chains {
         self.left_out
     }
 
-    /// Whether these links are a listed kind.
+    /// Index of the kind that these links are; `None` where it is not listed.
     #[must_use]
-    pub fn contains(&self, links: &[ChainLink]) -> bool {
+    pub fn find(&self, links: &[ChainLink]) -> Option<usize> {
         let key = hash(links);
         let first = self.index.partition_point(|e| e.0 < key);
         self.index[first..]
             .iter()
             .take_while(|e| e.0 == key)
-            .any(|e| self.kinds[e.1 as usize].as_slice() == links)
+            .map(|e| e.1 as usize)
+            .find(|&kind| self.kinds[kind].as_slice() == links)
     }
 }
 

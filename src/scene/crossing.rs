@@ -32,6 +32,16 @@ pub struct Crossing {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NestedTooDeep;
 
+/// Obstacles on the way of a segment.
+enum Way {
+    /// Something that lets no light pass.
+    Blocked,
+    /// Nothing.
+    Open,
+    /// Surfaces that cover themselves partly and, with `media`, such as may change the medium.
+    Crosses { media: bool },
+}
+
 /// All faces in the place of `point`, its own among them, in the order of the scene.
 #[must_use]
 #[inline]
@@ -174,14 +184,17 @@ impl SceneAt<'_> {
     /// the same place and comes later in the scene: 1 where nothing touches it.
     #[must_use]
     pub fn exposure(&self, end: &EndPoint) -> f64 {
-        let Some(point) = end.surface_point() else {
+        let Some(surface) = end.surface else {
             return 1.0;
         };
-        let instance = point.id.instance;
+        let instance = surface.instance;
         let object = self.object(instance);
         if object.contacts.is_empty() || object.transparent_sensor {
             return 1.0;
         }
+        let Some(point) = end.surface_point() else {
+            return 1.0;
+        };
         let faces = self.faces_at(&point);
         let later = faces.iter().filter(|f| f.point.id.instance > instance);
         let open = later.map(|face| {
@@ -202,13 +215,26 @@ impl SceneAt<'_> {
     #[must_use]
     #[inline]
     pub fn visibility(&self, ray: &Ray, stack: &MediumStack) -> f64 {
-        self.carry(ray, stack).0
+        match self.way(ray) {
+            Way::Blocked => 0.0,
+            Way::Open => 1.0,
+            Way::Crosses { media } => self.carried(ray, stack, media).0,
+        }
     }
 
     /// The same, and the solids in which the segment ends.
     #[must_use]
-    #[inline]
     pub fn carry(&self, ray: &Ray, stack: &MediumStack) -> (f64, MediumStack) {
+        match self.way(ray) {
+            Way::Blocked => (0.0, *stack),
+            Way::Open => (1.0, *stack),
+            Way::Crosses { media } => self.carried(ray, stack, media),
+        }
+    }
+
+    /// Obstacles of a segment by one look at all that it meets, in whatever order.
+    #[inline]
+    fn way(&self, ray: &Ray) -> Way {
         let passage = |id: InstanceId| self.object(id).passage;
         let mut depends = false;
         let blocked = self.geometry.any(
@@ -221,11 +247,11 @@ impl SceneAt<'_> {
             },
         );
         if blocked {
-            (0.0, *stack)
+            Way::Blocked
         } else if depends || self.has_coverage {
-            self.carried(ray, stack, depends)
+            Way::Crosses { media: depends }
         } else {
-            (1.0, *stack)
+            Way::Open
         }
     }
 

@@ -7,6 +7,7 @@ use crate::geometry::{Shape, Shutter, Transform};
 use crate::light::Light;
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, Medium, MediumId};
+use crate::optics::Polarization;
 use crate::spectrum::Emission;
 use crate::texture::SpectrumTexture;
 
@@ -99,6 +100,8 @@ pub struct SceneDescription {
     pub named_media: Vec<(Subject, MediumId)>,
     /// Wavelengths.
     pub wavelengths: WavelengthSettings,
+    /// Polarization that smooth surfaces are computed for.
+    pub polarization: Polarization,
     /// Medium id of the ambient medium (always 0).
     pub ambient: MediumId,
     /// Hash of the scene file and all files it refers to.

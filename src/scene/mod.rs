@@ -31,6 +31,7 @@ use crate::light::selection::LightSelection;
 use crate::light::{Light, LightId};
 use crate::material::{Material, MaterialId};
 use crate::medium::{Boundary, Medium, MediumId, MediumStack};
+use crate::optics::Polarization;
 use crate::spectrum::WavelengthDistribution;
 use crate::texture::Image;
 use chains::Chains;
@@ -150,6 +151,8 @@ pub struct Scene {
     pub has_coverage: bool,
     /// Whether any material has a coating.
     pub has_coatings: bool,
+    /// Polarization that smooth surfaces are computed for.
+    pub polarization: Polarization,
     /// Surfaces that touch, or may touch.
     pub contacts: Vec<Contact>,
     /// Notes on what was put right when the scene was built.

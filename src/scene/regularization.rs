@@ -1,5 +1,6 @@
 //! Whether connections at specular vertices are made for a sensor, and why.
 
+use super::effects::{Effect, EffectKind};
 use super::settings::{Regularize, Settings, SingleRule};
 use super::{Object, Scene};
 
@@ -19,6 +20,18 @@ pub struct Decision {
     pub mode: Option<Mode>,
     /// The element or setting that decided.
     pub reason: Reason,
+}
+
+impl Decision {
+    /// As an effect of the render.
+    #[must_use]
+    pub fn effect(&self) -> Effect {
+        Effect {
+            kind: EffectKind::Regularization,
+            on: self.mode.is_some(),
+            reason: self.to_string(),
+        }
+    }
 }
 
 /// Why a sensor is regularized or not.

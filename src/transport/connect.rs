@@ -18,9 +18,9 @@ pub use end::Receiver;
 use super::aim::trail::{Trail, bridges};
 use super::class::PathClass;
 use super::context::{Counters, PathContext};
-use super::contribution::{Contribution, Target};
+use super::contribution::{Aimed, Contribution, Target};
 use super::density::{Bridge, Column, PathView, VertexDensity};
-use super::mis::{Multipliers, Technique, denominator, serves_all_lanes};
+use super::mis::{Denominator, Multipliers, Technique, denominator, serves_all_lanes};
 use super::strategies::StrategySet;
 use super::subpath::{Subpath, Vertex};
 use crate::bsdf::Lobe;
@@ -73,6 +73,19 @@ pub struct Scratch {
     columns: Vec<Column>,
     /// Lobes of a vertex of such a chain.
     lobes: Vec<(f32, Lobe)>,
+    /// Cost of aims, by origin and kind; empty: not counted.
+    pub tally: Vec<AimTally>,
+}
+
+/// Cost of the chains of one kind from one origin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AimTally {
+    /// Searches.
+    pub solved: u64,
+    /// Chains that they found, whatever is in their way.
+    pub found: u64,
+    /// Shadow rays along these.
+    pub rays: u64,
 }
 
 /// A numerator, still without its weight: the factor of all lanes and each lane's own.
@@ -232,7 +245,10 @@ impl<'a> Joiner<'a> {
                 None => multipliers.regularized(s) as u8,
             },
             merged: false,
-            aimed: view.made.is_some(),
+            aimed: view
+                .made
+                .as_ref()
+                .map(|made| self.aimed(made, view, &multipliers, &weights, candidate.lane)),
             emitter: view.emitter,
             class: if self.detailed {
                 PathClass::of(view)
@@ -240,6 +256,31 @@ impl<'a> Joiner<'a> {
                 PathClass::default()
             },
         });
+    }
+
+    /// How a bridge made a contribution.
+    fn aimed(
+        &self,
+        made: &Bridge,
+        view: &PathView,
+        multipliers: &Multipliers,
+        weights: &Denominator,
+        lane: usize,
+    ) -> Aimed {
+        let technique = Technique::Bridge(made.a, made.b);
+        let waves = &self.context.wavelengths;
+        let heroes = if serves_all_lanes(view, view.dispersive_count(), technique) {
+            self.context.count()
+        } else {
+            waves.multiplicity(lane)
+        };
+        let power = |value| self.strategies.heuristic.power(value);
+        let term = power(multipliers.of(technique)) * heroes as f64;
+        Aimed {
+            kind: made.kind,
+            origin: made.origin,
+            weight: (term / (weights.shared + weights.own[lane])) as f32,
+        }
     }
 
     /// The estimate of a technique alone, executed `samples` times, from its numerators `value`,
@@ -322,20 +363,21 @@ impl<'a> Joiner<'a> {
         self.counters.connections_tried += 1;
         // the labels of one end that are worth trying depend on those of the other; a missed cone
         // ends it early
-        let (mut labels_a, mut labels_b) = (EndLabels::new(), EndLabels::new());
-        let specular_b = self.specular_label(camera, j, -w);
-        if with_rough_pair || specular_b.is_some() {
-            labels_a.extend(self.rough_label(light, i, w));
-        }
-        let specular_a = self.specular_label(light, i, w);
-        if labels_a.is_empty() && specular_a.is_none() {
+        let mut labels_b = EndLabels {
+            rough: None,
+            specular: self.specular_label(camera, j, -w),
+        };
+        let wants_rough = with_rough_pair || labels_b.specular.is_some();
+        let labels_a = EndLabels {
+            rough: wants_rough.then(|| self.rough_label(light, i, w)).flatten(),
+            specular: self.specular_label(light, i, w),
+        };
+        if labels_a.is_empty() {
             return;
         }
-        if with_rough_pair || specular_a.is_some() {
-            labels_b.extend(self.rough_label(camera, j, -w));
+        if with_rough_pair || labels_a.specular.is_some() {
+            labels_b.rough = self.rough_label(camera, j, -w);
         }
-        labels_a.extend(specular_a);
-        labels_b.extend(specular_b);
         if labels_b.is_empty() {
             return;
         }

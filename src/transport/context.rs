@@ -190,6 +190,7 @@ impl<'a> PathContext<'a> {
             count: self.count(),
             dispersive: (above.dispersive || below.dispersive) && media[0] != media[1],
             coating,
+            polarization: self.scene.polarization,
             albedos: self.scene.albedos(),
         }
     }

@@ -1,5 +1,6 @@
 //! Contributions: weighted values of paths and the pixels they land on.
 
+use super::aim::tries::Origin;
 use super::class::PathClass;
 use crate::light::LightId;
 use crate::spectrum::MAX_LANES;
@@ -12,6 +13,17 @@ pub enum Target {
     OwnPixel,
     /// A raster position.
     Splat(DVec2),
+}
+
+/// The bridge that made a contribution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aimed {
+    /// Kind of its chain, by index.
+    pub kind: u32,
+    /// Where it was solved from.
+    pub origin: Origin,
+    /// Weight of the contribution in the sum of all strategies, in [0, 1].
+    pub weight: f32,
 }
 
 /// One weighted contribution to a pixel's value.
@@ -32,9 +44,9 @@ pub struct Contribution {
     /// Made by photon merging: one vertex counts for both sides, s + t is one more than the
     /// vertices of the path.
     pub merged: bool,
-    /// Made by a chain solved for, between the `s` vertices from the light and the `t` from the
-    /// sensor.
-    pub aimed: bool,
+    /// Chain solved for, between the `s` vertices from the light and the `t` from the sensor, if a
+    /// bridge made this.
+    pub aimed: Option<Aimed>,
     /// The light of x₀; of merged paths any.
     pub emitter: LightId,
     /// Labels of the vertices; empty where nothing is kept by class.
@@ -47,7 +59,7 @@ impl Contribution {
     pub fn mark(&self) -> &'static str {
         if self.merged {
             "merged"
-        } else if self.aimed {
+        } else if self.aimed.is_some() {
             "aimed"
         } else {
             ""

@@ -5,6 +5,7 @@
 //! specular vertices is left out of both (their label probability q stands alone), so every density
 //! is a finite number and deltas need no flags.
 
+use super::aim::tries::Origin;
 use crate::bsdf::{BsdfEval, Label, LaneDensity};
 use crate::geometry::DirectionalDensity;
 use crate::light::LightId;
@@ -183,6 +184,10 @@ pub struct Bridge {
     pub k: f64,
     /// Times it is tried per pixel and pass.
     pub samples: f64,
+    /// Kind of its chain, by index.
+    pub kind: u32,
+    /// Where it is solved from.
+    pub origin: Origin,
 }
 
 /// A full path as the strategy that made it sees it: two sub-paths and the edge between them.

@@ -57,9 +57,9 @@ impl Cells {
     pub fn at(&self, raster: DVec2) -> usize {
         let along = |x: f64, i: usize| {
             let last = f64::from(self.size[i] - 1);
-            (x - f64::from(self.first[i])).clamp(0.0, last) as usize / self.side as usize
+            (x - f64::from(self.first[i])).clamp(0.0, last) as u32 / self.side
         };
-        along(raster.y, 1) * self.columns() + along(raster.x, 0)
+        along(raster.y, 1) as usize * self.columns() + along(raster.x, 0) as usize
     }
 }
 

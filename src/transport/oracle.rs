@@ -253,6 +253,7 @@ fn every(disabled: &BTreeSet<(u32, u32)>) -> StrategySet<'_> {
         single: None,
         bias_weight: 1.0,
         aims: Aims::NONE,
+        tries: None,
         disabled,
     }
 }

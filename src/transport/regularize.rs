@@ -225,6 +225,7 @@ mod tests {
                 count: 4,
                 dispersive: false,
                 coating: None,
+                polarization: crate::optics::Polarization::Average,
                 albedos: &NO_ALBEDOS,
             },
         }

@@ -1,5 +1,6 @@
 //! Which strategies are executed, and how many samples each takes.
 
+use super::aim::tries::{Origin, Tries};
 use super::factors::Factors;
 use super::mis::Technique;
 use super::regularize::Cone;
@@ -95,6 +96,8 @@ pub struct StrategySet<'a> {
     pub bias_weight: f64,
     /// Chains solved for.
     pub aims: Aims,
+    /// How often each kind of them is tried; `None`: always.
+    pub tries: Option<&'a Tries>,
     /// Strategies (s, t) that are never executed.
     pub disabled: &'a BTreeSet<(u32, u32)>,
 }
@@ -124,6 +127,12 @@ impl StrategySet<'_> {
     #[must_use]
     pub fn merges_alone(&self) -> bool {
         self.merge.is_some_and(|m| m.alone)
+    }
+
+    /// Probability with which a kind of chains is tried.
+    #[must_use]
+    pub fn tried(&self, origin: Origin, kind: usize) -> f64 {
+        self.tries.map_or(1.0, |tries| tries.share(origin, kind))
     }
 
     /// π r² N_L, 0 without merging.

@@ -8,7 +8,8 @@ mod mutation;
 mod program;
 
 use abbe::io::lens;
-use abbe::optics::coating::{Films, Polarization};
+use abbe::optics::Polarization;
+use abbe::optics::coating::Films;
 use abbe::optics::paraxial::Paraxial;
 use abbe::optics::{Interaction, Ray, System};
 use abbe::spectrum::Library;

@@ -119,6 +119,7 @@ mod tests {
             count: 1,
             dispersive: false,
             coating: None,
+            polarization: crate::optics::Polarization::Average,
             albedos: &NO_ALBEDOS,
         };
         for (index, strength) in [(1.5, 1.0), (2.4, 1.0), (1.5, 0.3)] {

@@ -3,6 +3,7 @@
 use crate::bsdf::microfacet::Ggx;
 use crate::bsdf::multiscatter::{Reflection, share_left};
 use crate::bsdf::{BsdfEval, Interface, cosine_on_side, fresnel};
+use crate::optics::Polarization;
 use crate::spectrum::SampledSpectrum;
 use glam::DVec3;
 
@@ -18,10 +19,16 @@ pub struct Metal {
 }
 
 impl Metal {
-    /// Reflectance of one lane, tint included, at cosine `cos` in a medium of index `eta`.
+    /// Reflectance of one lane for unpolarized light, tint included, at cosine `cos` in a medium of
+    /// index `eta`.
     fn reflectance(&self, lane: usize, cos: f64, eta: f64) -> f64 {
+        self.reflectance_for(Polarization::Average, lane, cos, eta)
+    }
+
+    /// The same for light of a polarization.
+    fn reflectance_for(&self, polarization: Polarization, lane: usize, cos: f64, eta: f64) -> f64 {
         let (n, k) = (f64::from(self.n[lane]), f64::from(self.k[lane]));
-        fresnel::conductor(cos, eta, n, k) * f64::from(self.tint[lane])
+        fresnel::conductor_for(polarization, cos, eta, n, k) * f64::from(self.tint[lane])
     }
 
     /// Shares per lane that are left of the light that facets of mean loss `lost` hold back on the
@@ -52,7 +59,8 @@ impl Mirror {
         match self {
             Self::Perfect(reflectance) => *reflectance,
             Self::Metal(metal) => {
-                interface.lanes(|k| metal.reflectance(k, cos, interface.near(above)[k]))
+                let (eta, polarization) = (interface.near(above), interface.polarization);
+                interface.lanes(|k| metal.reflectance_for(polarization, k, cos, eta[k]))
             }
         }
     }

@@ -14,19 +14,17 @@ pub struct Diffuse {
 }
 
 impl Diffuse {
-    pub(super) fn eval(
-        &self,
-        w_light: DVec3,
-        w_camera: DVec3,
-        interface: &Interface,
-    ) -> Option<BsdfEval> {
-        let cos_camera = cosine_on_side(w_camera, w_light)?;
+    pub(super) fn eval(&self, w_light: DVec3, w_camera: DVec3, interface: &Interface) -> BsdfEval {
+        let Some(cos_camera) = cosine_on_side(w_camera, w_light) else {
+            return BsdfEval::BLACK;
+        };
         let eta = interface.near(w_light.z > 0.0);
-        let mut eval = BsdfEval::BLACK;
-        eval.g = interface.lanes(|k| FRAC_1_PI / (eta[k] * eta[k])) * self.reflectance;
-        eval.pdf_camera = cosine_hemisphere_pdf(cos_camera);
-        eval.pdf_light = cosine_hemisphere_pdf(w_light.z.abs());
-        Some(eval)
+        BsdfEval {
+            g: interface.lanes(|k| FRAC_1_PI / (eta[k] * eta[k])) * self.reflectance,
+            pdf_camera: cosine_hemisphere_pdf(cos_camera),
+            pdf_light: cosine_hemisphere_pdf(w_light.z.abs()),
+            columns: None,
+        }
     }
 
     /// A direction above the surface.

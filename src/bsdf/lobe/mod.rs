@@ -43,19 +43,15 @@ impl Lobe {
         matches!(self, Self::Mirror(_) | Self::Dielectric(_) | Self::Thin(_))
     }
 
-    pub(super) fn eval(
-        &self,
-        w_light: DVec3,
-        w_camera: DVec3,
-        interface: &Interface,
-    ) -> Option<BsdfEval> {
-        match self {
-            Self::Diffuse(lobe) => lobe.eval(w_light, w_camera, interface),
+    pub(super) fn eval(&self, w_light: DVec3, w_camera: DVec3, interface: &Interface) -> BsdfEval {
+        let eval = match self {
+            Self::Diffuse(lobe) => return lobe.eval(w_light, w_camera, interface),
             Self::Coated(lobe) => lobe.eval(w_light, w_camera, interface),
             Self::Conductor(lobe) => lobe.eval(w_light, w_camera, interface),
             Self::RoughDielectric(lobe) => lobe.eval(w_light, w_camera, interface),
             Self::Mirror(_) | Self::Dielectric(_) | Self::Thin(_) => None,
-        }
+        };
+        eval.unwrap_or(BsdfEval::BLACK)
     }
 
     /// Probability of `label` once the lobe is chosen, for a direction at cosine `cos` on the side

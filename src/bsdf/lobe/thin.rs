@@ -3,7 +3,7 @@
 //! The incoherent sum of all inner reflections is R' = 2R/(1+R), T' = (1-R)/(1+R) for R of one
 //! face.
 
-use crate::bsdf::{Interface, fresnel};
+use crate::bsdf::Interface;
 use crate::spectrum::SampledSpectrum;
 
 /// Thin sheet of a dielectric.
@@ -24,7 +24,7 @@ impl Thin {
         above: bool,
         interface: &Interface,
     ) -> f64 {
-        let r = fresnel::dielectric(cos, interface.near(above)[k], f64::from(self.n[k]));
+        let r = interface.reflectance(cos, [interface.near(above)[k], f64::from(self.n[k])]);
         2.0 * r / (1.0 + r)
     }
 

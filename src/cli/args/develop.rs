@@ -4,6 +4,7 @@ use super::values;
 use crate::develop::{Display, ToneCurve, White};
 use clap::Args;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Options of `abbe develop`.
 #[derive(Debug, Args)]
@@ -23,7 +24,7 @@ pub struct DevelopOptions {
     pub tone: Option<ToneCurve>,
     /// The color that is to be white: none (D65), scene (the mean of the picture), R,G,B, a
     /// temperature such as 3200K, or a spectrum such as D50
-    #[arg(long, value_name = "COLOR", default_value = "none", value_parser = values::white)]
+    #[arg(long, value_name = "COLOR", default_value = "none", value_parser = White::from_str)]
     pub white: White,
     /// The display
     #[arg(long, value_enum, value_name = "NAME", default_value_t = Display::Srgb)]

@@ -8,6 +8,7 @@ use crate::scene::settings::{Aiming, FilterKind, Heuristic, IntegratorKind, Regu
 use clap::Args;
 use std::ops::Range;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Options of `abbe render`.
 #[derive(Debug, Args)]
@@ -87,7 +88,7 @@ pub struct RenderOptions {
     pub no_preview: bool,
     /// Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo,
     /// class:REGEX (such as class:^LS+DE$), separated by commas
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::aov)]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = Layer::from_str)]
     pub aov: Vec<Layer>,
     /// Also writes NAME.spectral.exr, with BINS channels over the range of wavelengths and one for
     /// each emission line

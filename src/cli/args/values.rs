@@ -1,20 +1,15 @@
 //! The values that options take: names, and parsers that say what is allowed.
 
-use crate::develop::{Display, ToneCurve, White};
+use crate::develop::{Display, ToneCurve};
 use crate::film::Crop;
-use crate::io::layers::Layer;
 use crate::job::claims::is_worker_name;
 use crate::job::freeze::ChunkLength;
 use crate::job::manifest::LEASES;
 use crate::math::banding::Axis;
 use crate::math::named::Named;
 use crate::scene::settings::{Aiming, FilterKind, Heuristic, IntegratorKind, Regularize, Sharing};
-use crate::spectrum::Curve;
-use crate::spectrum::library::Library;
-use crate::spectrum::xyz::{curve_to_xyz, emission_to_xyz, linear_srgb_to_xyz};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
-use regex::Regex;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -114,30 +109,6 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 pub(super) fn count(text: &str) -> Result<u32, String> {
     let count = text.parse().ok().filter(|&n| n > 0);
     count.ok_or_else(|| format!("expected a whole number from 1 to {}", u32::MAX))
-}
-
-/// The color that a picture shows as white.
-pub(super) fn white(text: &str) -> Result<White, String> {
-    let allowed = "expected none, scene, a color R,G,B (linear sRGB), a temperature such as 3200K, or the name of a spectrum such as D50";
-    match text {
-        "none" => return Ok(White::Unadapted),
-        "scene" => return Ok(White::Scene),
-        _ => {}
-    }
-    let xyz = if text.contains(',') {
-        let rgb: Option<Vec<f64>> = text.split(',').map(|v| positive(v).ok()).collect();
-        let rgb = rgb.and_then(|rgb| <[f64; 3]>::try_from(rgb).ok());
-        linear_srgb_to_xyz(rgb.ok_or(allowed)?)
-    } else if let Some(Ok(temp_k)) = text.strip_suffix('K').map(positive) {
-        if !(1000.0..=100_000.0).contains(&temp_k) {
-            return Err("expected a temperature from 1000K to 100000K".to_owned());
-        }
-        curve_to_xyz(&Curve::Blackbody { temp_k, scale: 1.0 })
-    } else {
-        let spectrum = Library::embedded().emission(text);
-        emission_to_xyz(&spectrum.map_err(|e| format!("{e}; {allowed}"))?)
-    };
-    Ok(White::Color(xyz))
 }
 
 /// A time in seconds, or with a unit.
@@ -249,32 +220,6 @@ pub(super) fn wavelengths(text: &str) -> Result<String, String> {
     lines
         .map(|lines| format!("{{ lines_nm = {lines:?} }}"))
         .map_err(wrong)
-}
-
-pub(super) fn aov(text: &str) -> Result<Layer, String> {
-    Ok(match text {
-        "error" => Layer::Error,
-        "strategies" => Layer::Strategies,
-        "depth" => Layer::Depth,
-        "normal" => Layer::Normal,
-        "albedo" => Layer::Albedo,
-        "regularized" => Layer::Regularized,
-        "unbiased" => Layer::Unbiased,
-        "bias" => Layer::Bias,
-        _ => {
-            let expression = text
-                .strip_prefix("class:")
-                .ok_or("expected error, strategies, regularized, unbiased, bias, depth, normal, albedo or class:REGEX")?;
-            let wrong = |e: regex::Error| {
-                e.to_string()
-                    .lines()
-                    .last()
-                    .unwrap_or("not a regular expression")
-                    .to_owned()
-            };
-            Layer::Class(Regex::new(expression).map_err(wrong)?)
-        }
-    })
 }
 
 #[cfg(test)]

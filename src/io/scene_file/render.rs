@@ -6,6 +6,7 @@ use super::reader::Reader;
 use super::sensor::FILTER_RADIUS;
 use super::value::{At, Lanes, Length, number};
 use crate::math::named::named;
+use crate::optics::Polarization;
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
 use crate::scene::settings::{
     Aiming, FilterKind, Heuristic, IntegratorKind, Merging, OutputUnits, Regularization,
@@ -252,6 +253,9 @@ keys! {
         filter_radius: Option<f64>, in FILTER_RADIUS, unit "pixels", or "tent 1, Gaussian 1.5";
         /// Wavelengths to draw: a name over 360..830 nm, or a table.
         wavelengths: Option<Wavelengths>, or "`\"scene\"`";
+        /// Polarization that smooth surfaces are computed for, each against its own plane of
+        /// incidence; other than `"average"` only where no surface is rough or coated paint.
+        fresnel: Polarization, default Polarization::Average;
         /// Scale of the image.
         units: OutputUnits, default OutputUnits::Radiance;
         /// Radius of the first pass within which photons are merged.
@@ -273,6 +277,8 @@ pub struct Rendering {
     pub units: OutputUnits,
     /// Wavelengths.
     pub wavelengths: WavelengthSettings,
+    /// Polarization that smooth surfaces are computed for.
+    pub polarization: Polarization,
 }
 
 impl Default for Rendering {
@@ -281,6 +287,7 @@ impl Default for Rendering {
             settings: Settings::default(),
             units: OutputUnits::Radiance,
             wavelengths: WavelengthName::Scene.over(VISIBLE_NM),
+            polarization: Polarization::Average,
         }
     }
 }
@@ -322,6 +329,7 @@ impl Build for RenderKeys {
             settings,
             units: self.units,
             wavelengths,
+            polarization: self.fresnel,
         })
     }
 }

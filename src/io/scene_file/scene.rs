@@ -153,6 +153,7 @@ impl SceneKeys {
             sensors: sensors.collect(),
             named_media: std::mem::take(&mut cx.named_media),
             wavelengths: rendering.wavelengths,
+            polarization: rendering.polarization,
             ambient: MediumId::AMBIENT,
             hash: file_hashes.fold(hash_of_text, |hash, &file| combine(hash, file)),
         };

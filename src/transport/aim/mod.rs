@@ -20,6 +20,7 @@ pub mod surface;
 #[cfg(test)]
 mod tests;
 pub mod trail;
+pub mod tries;
 
 use arrayvec::ArrayVec;
 use glam::DVec3;

@@ -1,5 +1,6 @@
 //! A finished path as a list of places, and the bridges that could have made it.
 
+use super::tries::Origin;
 use super::{Bounce, Far, MAX_CHAIN, differential, is_solvable, surface::Surface};
 use crate::geometry::{EndPoint, SurfaceId, SurfacePoint};
 use crate::light::LightKind;
@@ -160,9 +161,11 @@ pub fn bridges(
     let aims = &strategies.aims;
     let specular = |i: usize| (1..n - 1).contains(&i) && view.is_specular(i);
     let aimed = is_aimed_at(light);
-    let bridge = |a: usize, b: usize, samples: f64, wanted: &dyn Fn(&ChainKind) -> bool| {
-        let kind = links(trail, light, a, b)?;
-        if !context.scene.chains().contains(&kind) || !wanted(&kind) {
+    let bridge = |origin: Origin, (a, b), samples: f64, wanted: &dyn Fn(&ChainKind) -> bool| {
+        let links = links(trail, light, a, b)?;
+        let kind = context.scene.chains().find(&links)?;
+        let samples = samples * strategies.tried(origin, kind);
+        if samples == 0.0 || !wanted(&links) {
             return None;
         }
         // what is met where surfaces touch is no surface of the list
@@ -170,30 +173,45 @@ pub fn bridges(
         if !(a + 1..b).all(is_alone) {
             return None;
         }
-        let (bounces, eta) = place(context, &kind, lane)?;
+        let (bounces, eta) = place(context, &links, lane)?;
         let k = factor(trail, a, b, &bounces, &eta);
-        Some(Bridge { a, b, k, samples })
+        Some(Bridge {
+            a,
+            b,
+            k,
+            samples,
+            kind: kind as u32,
+            origin,
+        })
     };
     let always = |_: &ChainKind| true;
     let splats = strategies.splat_samples;
     let first = (1..n).find(|&i| !specular(i)).unwrap_or(n - 1);
     if first == n - 1 {
         let through = aims.through && matches!(light, LightKind::Area(_));
-        let found = through.then(|| bridge(0, n - 1, splats, &always));
+        let found = through.then(|| bridge(Origin::Start, (0, n - 1), splats, &always));
         return [found.flatten(), None];
     }
     let last = (0..n - 1).rev().find(|&i| !specular(i)).unwrap_or(0);
     let at_light =
         aims.light && aimed && first >= 2 && (aims.light_everywhere || specular(first + 1));
     let at_sensor = aims.sensor && last + 2 < n;
-    let near = aims.sensor_everywhere || specular(last - 1);
+    let after_specular = specular(last - 1);
+    let near = aims.sensor_everywhere || after_specular;
     let wanted = |kind: &ChainKind| near || context.count() > 1 && is_dispersive(context, kind);
-    [
-        at_light.then(|| bridge(0, first, 1.0, &always)).flatten(),
-        at_sensor
-            .then(|| bridge(last, n - 1, splats, &wanted))
-            .flatten(),
-    ]
+    let by_camera = Origin::Vertex {
+        at_sensor: false,
+        first: (first + 1..n - 1).all(specular),
+        after_specular: specular(first + 1),
+    };
+    let by_light = Origin::Vertex {
+        at_sensor: true,
+        first: (1..last).all(specular),
+        after_specular,
+    };
+    let at_light = at_light.then(|| bridge(by_camera, (0, first), 1.0, &always));
+    let at_sensor = at_sensor.then(|| bridge(by_light, (last, n - 1), splats, &wanted));
+    [at_light.flatten(), at_sensor.flatten()]
 }
 
 /// The links of the chain between x_a and x_b; `None` where it is too long.

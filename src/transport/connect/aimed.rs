@@ -6,11 +6,12 @@ use super::{Candidate, Joiner, Numerator};
 use crate::geometry::{EndPoint, Face, Ray};
 use crate::light::{LightId, LightKind};
 use crate::medium::MediumStack;
-use crate::sampler::Draw;
+use crate::sampler::{Draw, Sampler};
 use crate::scene::chains::ChainKind;
 use crate::scene::crossing::resolve;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::aim::trail::{self, Place, Placed, Trail};
+use crate::transport::aim::tries::{Origin, Tries};
 use crate::transport::aim::{Bounce, Far, MAX_CHAIN, Points, differential, placed, solve};
 use crate::transport::contribution::Target;
 use crate::transport::density::{PathView, VertexDensity};
@@ -65,7 +66,51 @@ struct Ends<'p> {
     margin: f64,
 }
 
-impl Joiner<'_> {
+/// Chains tried from an origin.
+struct TriesFrom<'a> {
+    tries: Option<&'a Tries>,
+    sampler: &'a Sampler,
+    origin: Origin,
+    listed: usize,
+}
+
+impl<'a> TriesFrom<'a> {
+    /// Kinds, by index, that this sample tries; `draw` numbers the vertex.
+    fn kinds(self, draw: usize) -> impl Iterator<Item = usize> + use<'a> {
+        let Self { tries, origin, .. } = self;
+        let all = tries.map_or(self.listed, |tries| tries.tried(origin).len());
+        let u = match tries {
+            Some(_) if all > 0 => self.sampler.number(Draw::AimTries(draw)),
+            _ => 0.0,
+        };
+        (0..all).filter_map(move |i| {
+            let Some(tries) = tries else { return Some(i) };
+            let kind = tries.tried(origin)[i] as usize;
+            tries.is_tried(origin, kind, u).then_some(kind)
+        })
+    }
+}
+
+/// Vertex `i` of a sub-path as one that aims.
+fn origin(path: &Subpath, i: usize, at_sensor: bool) -> Origin {
+    let before = &path.densities[1..=i];
+    Origin::Vertex {
+        at_sensor,
+        first: before.iter().all(|d| d.label.is_specular()),
+        after_specular: before.last().is_some_and(|d| d.label.is_specular()),
+    }
+}
+
+impl<'a> Joiner<'a> {
+    fn tries(&self, origin: Origin) -> TriesFrom<'a> {
+        TriesFrom {
+            tries: self.strategies.tries,
+            sampler: self.sampler,
+            origin,
+            listed: self.context.scene.chains().kinds().len(),
+        }
+    }
+
     /// Whether any bridge of `n` vertices at most could end at the vertex.
     fn aims_from(&self, path: &Subpath, i: usize, far_enough: bool) -> bool {
         let vertex = &path.vertices[i];
@@ -79,16 +124,17 @@ impl Joiner<'_> {
     /// Camera vertex `j` aims at a light through chains.
     pub fn aim_at_light(&mut self, camera: &Subpath, j: usize) {
         let aims = self.strategies.aims;
-        let after_specular = j >= 1 && camera.densities[j].label.is_specular();
-        if !aims.light || !self.aims_from(camera, j, aims.light_everywhere || after_specular) {
+        let origin = origin(camera, j, false);
+        if !aims.light || !self.aims_from(camera, j, aims.light_everywhere || origin.is_needed()) {
             return;
         }
         let context = self.context;
         let media = &camera.vertices[j].media;
         let mut start = None;
-        for kind in context.scene.chains().kinds() {
-            let (first, last) = (&kind[0], &kind[kind.len() - 1]);
-            if !media.contains(&last.after()) || j + 1 + kind.len() > self.max_depth {
+        for kind in self.tries(origin).kinds(2 * j) {
+            let links = &context.scene.chains().kinds()[kind];
+            let (first, last) = (&links[0], &links[links.len() - 1]);
+            if !media.contains(&last.after()) || j + 1 + links.len() > self.max_depth {
                 continue;
             }
             if start.is_none() {
@@ -106,7 +152,7 @@ impl Joiner<'_> {
                 sensor: SensorEnd::Vertex(camera, j),
                 margin: 0.0,
             };
-            self.aim(&ends, kind);
+            self.aim(&ends, kind, origin);
         }
     }
 
@@ -116,8 +162,8 @@ impl Joiner<'_> {
         let (Some(id), true) = (light.light, aims.sensor) else {
             return;
         };
-        let after_specular = i >= 1 && light.densities[i].label.is_specular();
-        let everywhere = aims.sensor_everywhere || after_specular;
+        let origin = origin(light, i, true);
+        let everywhere = aims.sensor_everywhere || origin.is_needed();
         if !self.aims_from(light, i, everywhere || self.context.count() > 1) {
             return;
         }
@@ -125,12 +171,13 @@ impl Joiner<'_> {
         let media = &light.vertices[i].media;
         let start = Start::of(light, id);
         let mut point = None;
-        for kind in context.scene.chains().kinds() {
-            let (first, last) = (&kind[0], &kind[kind.len() - 1]);
+        for kind in self.tries(origin).kinds(2 * i + 3) {
+            let links = &context.scene.chains().kinds()[kind];
+            let (first, last) = (&links[0], &links[links.len() - 1]);
             if !media.contains(&first.before())
                 || last.after() != self.sensor_medium()
-                || i + 1 + kind.len() > self.max_depth
-                || !everywhere && !trail::is_dispersive(context, kind)
+                || i + 1 + links.len() > self.max_depth
+                || !everywhere && !trail::is_dispersive(context, links)
             {
                 continue;
             }
@@ -141,7 +188,7 @@ impl Joiner<'_> {
                 sensor: SensorEnd::Sensor(x_sensor, u),
                 margin,
             };
-            self.aim(&ends, kind);
+            self.aim(&ends, kind, origin);
         }
     }
 
@@ -156,11 +203,12 @@ impl Joiner<'_> {
         let context = self.context;
         let start = Start::of(light, id);
         let mut point = None;
-        for kind in context.scene.chains().kinds() {
-            let (first, last) = (&kind[0], &kind[kind.len() - 1]);
+        for kind in self.tries(Origin::Start).kinds(1) {
+            let links = &context.scene.chains().kinds()[kind];
+            let (first, last) = (&links[0], &links[links.len() - 1]);
             if start.stack.medium() != first.before()
                 || last.after() != self.sensor_medium()
-                || kind.len() > self.max_depth
+                || links.len() > self.max_depth
             {
                 continue;
             }
@@ -171,7 +219,7 @@ impl Joiner<'_> {
                 sensor: SensorEnd::Sensor(x_sensor, u),
                 margin,
             };
-            self.aim(&ends, kind);
+            self.aim(&ends, kind, Origin::Start);
         }
     }
 
@@ -213,7 +261,21 @@ impl Joiner<'_> {
     }
 
     /// All chains of a kind between two ends, each lane its own where they disperse.
-    fn aim(&mut self, ends: &Ends, kind: &ChainKind) {
+    fn aim(&mut self, ends: &Ends, kind: usize, origin: Origin) {
+        let kinds = self.context.scene.chains().kinds();
+        let at = origin.number() * kinds.len() + kind;
+        let rays = self.counters.shadow_rays;
+        let (solved, found) = self.aim_lanes(ends, &kinds[kind]);
+        if let Some(tally) = self.scratch.tally.get_mut(at) {
+            tally.solved += solved;
+            tally.found += found;
+            tally.rays += self.counters.shadow_rays - rays;
+        }
+    }
+
+    /// The same; numbers of searches and of chains found.
+    fn aim_lanes(&mut self, ends: &Ends, kind: &ChainKind) -> (u64, u64) {
+        let mut counts = (0, 0);
         let lanes = if trail::is_dispersive(self.context, kind) {
             self.context.count()
         } else {
@@ -245,16 +307,19 @@ impl Joiner<'_> {
                 continue;
             }
             self.counters.connections_tried += 1;
+            counts.0 += 1;
             let mut found: ArrayVec<Points, MOST_CHAINS> = ArrayVec::new();
             solve(&chain.0, &chain.1, &far, to, |points| {
                 // beyond so many the path has no bridge that counts, but there never are
                 let _ = found.try_push(points.clone());
             });
             let only = (lanes > 1).then_some(lane);
+            counts.1 += found.len() as u64;
             for points in &found {
                 self.bridge(ends, kind, &chain, points, (&far, to), only);
             }
         }
+        counts
     }
 
     /// Transmittance of the segments of a chain, given from the sensor's side on, the first in the

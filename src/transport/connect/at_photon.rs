@@ -35,7 +35,7 @@ fn merged(lanes: [f64; MAX_LANES], j: usize) -> Contribution {
         t: j as u32 + 2,
         regularized: 0,
         merged: true,
-        aimed: false,
+        aimed: None,
         emitter: LightId(0),
         class: PathClass::new(),
     }

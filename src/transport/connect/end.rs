@@ -16,7 +16,6 @@ use crate::transport::contribution::Target;
 use crate::transport::density::{Column, Departure, Edge, EdgeDensity, PathView, VertexDensity};
 use crate::transport::subpath::{Subpath, Vertex};
 use crate::transport::throughput::Throughput;
-use arrayvec::ArrayVec;
 use glam::DVec3;
 
 /// The measure in which a vertex has its density, for an edge that arrives there.
@@ -91,24 +90,41 @@ pub(super) struct EndLabel {
 
 /// The labels that an end is tried under: at most the non-specular one and the specular one that
 /// the sides select.
-pub(super) type EndLabels = ArrayVec<EndLabel, 2>;
+#[derive(Debug)]
+pub(super) struct EndLabels {
+    pub rough: Option<EndLabel>,
+    pub specular: Option<EndLabel>,
+}
+
+impl EndLabels {
+    pub fn is_empty(&self) -> bool {
+        self.rough.is_none() && self.specular.is_none()
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &EndLabel> {
+        self.rough.iter().chain(&self.specular)
+    }
+}
 
 /// An end point without a vertex before it: its density, and that of the direction along the edge.
 pub(super) struct EndStart {
     density: VertexDensity,
-    label: EndLabel,
+    labels: EndLabels,
 }
 
 impl EndStart {
     pub fn new(pdf: f64, across: Departure) -> Self {
         Self {
             density: VertexDensity::new(pdf),
-            label: EndLabel {
-                label: Label::NonSpecular,
-                dispersive: false,
-                kernel: SampledSpectrum::ONE,
-                across,
-                behind: EdgeDensity::default(),
+            labels: EndLabels {
+                rough: Some(EndLabel {
+                    label: Label::NonSpecular,
+                    dispersive: false,
+                    kernel: SampledSpectrum::ONE,
+                    across,
+                    behind: EdgeDensity::default(),
+                }),
+                specular: None,
             },
         }
     }
@@ -122,7 +138,7 @@ pub(super) struct End<'p> {
     /// Densities of the sub-path up to here.
     pub path: &'p [VertexDensity],
     pub columns: &'p [Column],
-    pub labels: &'p [EndLabel],
+    pub labels: &'p EndLabels,
     pub point: EndPoint,
     /// The solids the edge is in at this end.
     pub stack: &'p MediumStack,
@@ -164,7 +180,7 @@ impl<'p> End<'p> {
             start: point,
             path: std::slice::from_ref(&start.density),
             columns: &[],
-            labels: std::slice::from_ref(&start.label),
+            labels: &start.labels,
             point,
             stack,
             receiver,
@@ -203,7 +219,7 @@ impl Joiner<'_> {
         path: &'p Subpath,
         i: usize,
         w: DVec3,
-        labels: &'p [EndLabel],
+        labels: &'p EndLabels,
     ) -> End<'p> {
         let vertex = &path.vertices[i];
         let geometric_cos = vertex.cos(w);
@@ -275,9 +291,10 @@ impl Joiner<'_> {
 
     /// Every label under which vertex `i` scatters into unit direction `w`.
     pub(super) fn labels(&self, path: &Subpath, i: usize, w: DVec3) -> EndLabels {
-        let rough = self.rough_label(path, i, w);
-        let specular = self.specular_label(path, i, w);
-        rough.into_iter().chain(specular).collect()
+        EndLabels {
+            rough: self.rough_label(path, i, w),
+            specular: self.specular_label(path, i, w),
+        }
     }
 
     /// Joins two ends by an edge of unit direction `w`, from the light to the sensor, and length

@@ -4,6 +4,7 @@ use super::random_factors;
 use super::{FullPath, Random, denominator_by_definition, random_path, random_strategies};
 use crate::scene::settings::Heuristic;
 use crate::spectrum::{SampledWavelengths, WavelengthDistribution};
+use crate::transport::aim::tries::Origin;
 use crate::transport::density::Bridge;
 use crate::transport::mis::{Multipliers, Technique, denominator};
 use crate::transport::strategies::StrategySet;
@@ -21,6 +22,8 @@ impl FullPath {
                 b,
                 k: random.density(),
                 samples: random.density(),
+                kind: 0,
+                origin: Origin::Start,
             })
         };
         self.bridges = if first == n - 1 {

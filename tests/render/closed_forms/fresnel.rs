@@ -1,8 +1,11 @@
 //! Fresnel reflection of smooth glass: a slab, Brewster's angle, total reflection.
 
-use crate::harness::{assert_close, line_mean, scene, test_scale, with};
+use crate::harness::{Estimate, assert_close, line_mean, scene, test_scale, with};
+use abbe::io::scene_file::parse_str;
+use abbe::scene::Scene;
 use abbe::scene::settings::IntegratorKind::{Bdpt, Light};
 use std::f64::consts::PI;
+use std::path::Path;
 
 /// Normal incidence on a slab, all reflections between its faces included: T = 2n/(n² + 1) and R =
 /// 1 - T.
@@ -51,15 +54,30 @@ interior = "glass"
 beam = { position = [0, 0, -4], direction = [0, 0, 1], radius = 1, irradiance = 1 }
 "#;
 
-/// Unpolarized light at Brewster's angle: R_p = 0, and R_s = cos²(2θ).
+/// Light at Brewster's angle: R_p = 0, and R_s = cos²(2θ).
 #[test]
 fn brewster_angle() {
     let angle = 56.603_83_f64.to_radians();
+    let r_s = (2.0 * angle).cos().powi(2);
+    for (fresnel, reflectance) in [("average", 0.5 * r_s), ("s", r_s), ("p", 0.0)] {
+        let measured = reflected_at_brewster(fresnel, angle);
+        let name = format!("Brewster reflectance, {fresnel}");
+        if reflectance > 0.0 {
+            measured.assert_is(&name, reflectance, 8e-3);
+        } else {
+            // what the angle's last digit leaves
+            assert!(measured.mean < 1e-12, "{name}: {measured:?}");
+        }
+    }
+}
+
+fn reflected_at_brewster(fresnel: &str, angle: f64) -> Estimate {
     let (x, y) = (angle.sin(), angle.cos());
     let text = format!(
         r#"
 [render]
 integrator = "light"
+fresnel = "{fresnel}"
 wavelengths = {{ line_nm = 587.5618 }}
 [[sensor]]
 resolution = [32, 32]
@@ -80,9 +98,41 @@ beam = {{ position = [-{0}, {1}, 0], direction = [{x}, -{y}, 0], radius = 1, irr
         8.0 * y
     );
     let (scene, settings) = scene(&text);
-    let reflectance = 0.5 * (2.0 * angle).cos().powi(2);
-    let measured = line_mean(&scene, 0, &settings, 32, 12 * test_scale()).scaled(16.0 / PI);
-    measured.assert_is("Brewster reflectance", reflectance, 8e-3);
+    line_mean(&scene, 0, &settings, 32, 12 * test_scale()).scaled(16.0 / PI)
+}
+
+/// Facets have no one plane of incidence: in one polarization they are refused by name.
+#[test]
+fn rough_glass_is_refused_in_one_polarization() {
+    let build = |fresnel: &str, roughness: f64| {
+        let text = format!(
+            r#"
+[render]
+fresnel = "{fresnel}"
+[[sensor]]
+perspective = {{ eye = [0, 0, 5], target = [0, 0, 0], fov_deg = 40 }}
+[medium.water]
+ior = 1.33
+[material.pane]
+dielectric = {{ roughness = {roughness} }}
+[[object]]
+name = "frosted"
+sphere = {{ center = [0, 0, 0], radius = 1 }}
+material = "pane"
+interior = "water"
+[[light]]
+point = {{ position = [0, 3, 3], intensity = 1 }}
+"#
+        );
+        let loaded = parse_str(&text, Path::new("tests/render")).unwrap_or_else(|e| panic!("{e}"));
+        Scene::build(loaded.description)
+            .map(|_| ())
+            .map_err(|e| e.to_string())
+    };
+    assert_eq!(build("average", 0.2), Ok(()));
+    assert_eq!(build("p", 0.0), Ok(()));
+    let message = build("p", 0.2).expect_err("rough");
+    assert!(message.contains("\"frosted\""), "{message}");
 }
 
 /// About the critical angle of N-BK7 at the d line (41.245189°), from inside: below it the
