@@ -1,5 +1,4 @@
-//! Fresnel reflectance, and Snell's law (Born and Wolf, Principles of Optics,
-//! 1.5 and 14.2).
+//! Fresnel reflectance, and Snell's law (Born and Wolf, Principles of Optics, 1.5 and 14.2).
 //!
 //! Invariant: equal indices give exactly R = 0 and a straight ray; total internal reflection
 //! exactly R = 1.
@@ -44,16 +43,10 @@ pub fn dielectric_for(polarization: Polarization, cos_i: f64, eta_i: f64, eta_t:
 }
 
 /// Reflectance in [0, 1] of a metal of index `n + i k` seen from index `eta_i` at `cos_i` in [0,
-/// 1], for unpolarized light.
-#[must_use]
-pub fn conductor(cos_i: f64, eta_i: f64, n: f64, k: f64) -> f64 {
-    conductor_for(Polarization::Average, cos_i, eta_i, n, k)
-}
-
-/// The same for light of a polarization.
+/// 1], for light of a polarization.
 #[must_use]
 #[inline]
-pub fn conductor_for(polarization: Polarization, cos_i: f64, eta_i: f64, n: f64, k: f64) -> f64 {
+pub fn conductor(polarization: Polarization, cos_i: f64, eta_i: f64, n: f64, k: f64) -> f64 {
     let (n, k) = (n / eta_i, k / eta_i);
     let cos2 = cos_i * cos_i;
     let sin2 = 1.0 - cos2;
@@ -114,8 +107,8 @@ mod tests {
         }
         // silver-like n + ik at normal incidence: ((n-1)² + k²)/((n+1)² + k²)
         let want = (0.95_f64.powi(2) + 9.0) / (1.05_f64.powi(2) + 9.0);
-        assert!((conductor(1.0, 1.0, 0.05, 3.0) - want).abs() < 1e-14);
-        assert!((conductor(0.0, 1.0, 0.05, 3.0) - 1.0).abs() < 1e-14);
+        assert!((conductor(Polarization::Average, 1.0, 1.0, 0.05, 3.0) - want).abs() < 1e-14);
+        assert!((conductor(Polarization::Average, 0.0, 1.0, 0.05, 3.0) - 1.0).abs() < 1e-14);
     }
 
     #[test]
@@ -127,7 +120,7 @@ mod tests {
     proptest! {
         #[test]
         fn metal_without_extinction_is_a_dielectric(cos in 0.01..1.0_f64, n in 1.01..3.0_f64) {
-            prop_assert!((conductor(cos, 1.2, n, 0.0) - dielectric(cos, 1.2, n)).abs() < 1e-9);
+            prop_assert!((conductor(Polarization::Average, cos, 1.2, n, 0.0) - dielectric(cos, 1.2, n)).abs() < 1e-9);
         }
 
         #[test]

@@ -28,7 +28,7 @@ impl Metal {
     /// The same for light of a polarization.
     fn reflectance_for(&self, polarization: Polarization, lane: usize, cos: f64, eta: f64) -> f64 {
         let (n, k) = (f64::from(self.n[lane]), f64::from(self.k[lane]));
-        fresnel::conductor_for(polarization, cos, eta, n, k) * f64::from(self.tint[lane])
+        fresnel::conductor(polarization, cos, eta, n, k) * f64::from(self.tint[lane])
     }
 
     /// Shares per lane that are left of the light that facets of mean loss `lost` hold back on the
