@@ -2,7 +2,8 @@
 //!
 //! Chunk i holds the passes i·n to (i + 1)·n. A block is a chunk, or four neighboring blocks
 //! beginning at a multiple of their number; at the end of the job blocks may be shorter. Two blocks
-//! are one within the other or disjoint, never anything else.
+//! are one within the other or disjoint, never anything else. What is done and what is open is kept
+//! as ranges: chunks are not counted one by one.
 
 use std::ops::Range;
 
@@ -106,6 +107,11 @@ impl Chunks {
             .find(larger)
     }
 
+    /// A block and all that hold it, from the smallest.
+    pub fn holders(&self, block: &Block) -> impl Iterator<Item = Block> {
+        std::iter::successors(Some(*block), |held| self.parent(held))
+    }
+
     /// The blocks that become this one; none for a chunk.
     #[must_use]
     pub fn children(&self, block: &Block) -> Vec<Block> {
@@ -133,6 +139,63 @@ pub fn outermost(blocks: &[Block]) -> Vec<Block> {
         }
     }
     outer
+}
+
+/// Whether one of these blocks, which are in order and disjoint, holds a chunk.
+#[must_use]
+pub fn is_in(outer: &[Block], chunk: u32) -> bool {
+    let after = outer.partition_point(|b| b.start <= chunk);
+    after > 0 && chunk < outer[after - 1].end
+}
+
+/// Chunks that are not done, as ranges in order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Open(Vec<Range<u32>>);
+
+impl Open {
+    /// Chunks of a range that none of these blocks holds, which are in order and disjoint.
+    #[must_use]
+    pub fn among(all: &Range<u32>, outer: &[Block]) -> Self {
+        let starts = std::iter::once(all.start).chain(outer.iter().map(|b| b.end));
+        let ends = outer.iter().map(|b| b.start).chain([all.end]);
+        let gaps = starts.zip(ends);
+        let gaps = gaps.map(|(start, end)| start.max(all.start)..end.min(all.end));
+        Self(gaps.filter(|gap| !gap.is_empty()).collect())
+    }
+
+    /// Their number.
+    #[must_use]
+    pub fn count(&self) -> u32 {
+        self.0.iter().map(|gap| gap.end - gap.start).sum()
+    }
+
+    /// Whether a chunk is one of them.
+    #[must_use]
+    pub fn holds(&self, chunk: u32) -> bool {
+        let after = self.0.partition_point(|gap| gap.start <= chunk);
+        after > 0 && chunk < self.0[after - 1].end
+    }
+
+    /// Each of them.
+    pub fn iter(&self) -> impl Iterator<Item = u32> {
+        self.0.iter().cloned().flatten()
+    }
+
+    /// Takes one out, by its place.
+    pub fn take(&mut self, mut place: u32) -> Option<u32> {
+        for i in 0..self.0.len() {
+            let Range { start, end } = self.0[i];
+            if place < end - start {
+                let chunk = start + place;
+                let two = [start..chunk, chunk + 1..end];
+                self.0
+                    .splice(i..=i, two.into_iter().filter(|gap| !gap.is_empty()));
+                return Some(chunk);
+            }
+            place -= end - start;
+        }
+        None
+    }
 }
 
 #[cfg(test)]
@@ -201,5 +264,33 @@ mod tests {
             block(0, 1),
         ];
         assert_eq!(outermost(&all), [block(0, 4), block(4, 5), block(8, 12)]);
+    }
+
+    #[test]
+    fn open_chunks_are_those_that_no_block_holds() {
+        let chunks = Chunks {
+            passes: 50,
+            size: 1,
+        };
+        let done =
+            [0, 4, 5, 16, 17, 32].map(|i| chunks.aligned(i, if i % 16 == 0 { 4 } else { 1 }));
+        let outer = outermost(&done);
+        for all in [0..50, 3..20, 6..16, 0..1, 49..50] {
+            let expected: Vec<u32> = all.clone().filter(|c| !is_in(&outer, *c)).collect();
+            let by_one = |c: &u32| !done.iter().any(|b| b.chunks().contains(c));
+            assert_eq!(expected, all.clone().filter(by_one).collect::<Vec<_>>());
+            let mut open = Open::among(&all, &outer);
+            assert_eq!(open.iter().collect::<Vec<_>>(), expected, "{all:?}");
+            assert_eq!(open.count() as usize, expected.len());
+            assert!((0..60).all(|c| open.holds(c) == expected.contains(&c)));
+            // from the middle, until none is left
+            let mut left = expected;
+            while !left.is_empty() {
+                let place = left.len() / 2;
+                assert_eq!(open.take(place as u32), Some(left.remove(place)));
+                assert_eq!(open.iter().collect::<Vec<_>>(), left);
+            }
+            assert_eq!((open.take(0), open.count()), (None, 0));
+        }
     }
 }

@@ -108,12 +108,23 @@ impl Folder {
     /// Claims a chunk. Whether nobody else has.
     pub(super) fn claim(&self, claim: Claim, worker: &str) -> Result<bool, FileError> {
         let path = self.claim_path(claim);
-        let made = File::options().write(true).create_new(true).open(&path);
-        match made.and_then(|mut file| file.write_all(worker.as_bytes())) {
-            Ok(()) => Ok(true),
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
-            Err(e) => Err(FileError::new(&path, e)),
-        }
+        let mut file = match File::options().write(true).create_new(true).open(&path) {
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => return Ok(false),
+            made => made.map_err(|e| FileError::new(&path, e))?,
+        };
+        file.write_all(worker.as_bytes()).map_err(|e| {
+            // nobody's claim would stay for a lease
+            self.release(claim);
+            FileError::new(&path, e)
+        })?;
+        Ok(true)
+    }
+
+    /// The latest claim of a chunk.
+    pub(super) fn latest_claim(&self, chunk: u32) -> Option<Claim> {
+        let claims = (0..).map(|generation| Claim { chunk, generation });
+        let is_there = |c: &Claim| self.claim_path(*c).symlink_metadata().is_ok();
+        claims.take_while(is_there).last()
     }
 
     /// Gives a claim back.
@@ -122,14 +133,11 @@ impl Folder {
         _ = fs::remove_file(self.claim_path(claim));
     }
 
-    /// Removes all claims of a chunk, whose part was lost.
-    pub(super) fn release_all(&self, chunk: u32) -> Result<(), JobError> {
-        let names = self.names("claims")?;
-        let claims = names.iter().filter_map(|n| parse(n));
-        claims
-            .filter(|c| c.chunk == chunk)
-            .for_each(|c| self.release(c));
-        Ok(())
+    /// Removes all claims of a chunk: one that is done, or whose part was lost.
+    pub(super) fn release_all(&self, chunk: u32) {
+        let claims = (0..).map(|generation| Claim { chunk, generation });
+        let remove = |c: &Claim| fs::remove_file(self.claim_path(*c)).is_ok();
+        claims.take_while(remove).for_each(drop);
     }
 
     /// The worker of a claim; `None` where it is gone or nobody can be meant.

@@ -26,20 +26,10 @@ impl Folder {
     /// # Errors
     /// There is something already, or nothing can be made there.
     pub(super) fn make(path: &Path) -> Result<(), JobError> {
-        let fail = |at: &Path, e| JobError::from(FileError::new(at, e));
-        match fs::create_dir(path) {
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
-                let is_empty = path.read_dir().is_ok_and(|mut all| all.next().is_none());
-                if !is_empty {
-                    let text = "is there and not empty (allowed: a new or an empty folder)";
-                    return Err(JobError::format(path, text));
-                }
-            }
-            made => made.map_err(|e| fail(path, e))?,
-        }
+        let make = |folder: &Path| fs::create_dir(folder).map_err(|e| FileError::new(folder, e));
+        make(path)?;
         for name in FOLDERS {
-            let folder = path.join(name);
-            fs::create_dir(&folder).map_err(|e| fail(&folder, e))?;
+            make(&path.join(name))?;
         }
         Ok(())
     }

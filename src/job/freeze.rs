@@ -1,7 +1,7 @@
 //! Making a job: copies of all that was read, results of the pilots, chunks of a length.
 
 use super::JobError;
-use super::folder::Folder;
+use super::folder::{Folder, random_name};
 use super::manifest::{Copy, FORMAT, Manifest, TargetError};
 use super::thaw;
 use crate::film::Crop;
@@ -12,7 +12,8 @@ use crate::io::loaded;
 use crate::render::session::NO_LIMIT;
 use crate::render::{OutputRequest, Session, SessionOptions};
 use sha2::{Digest, Sha256};
-use std::io::{self, Read, Write};
+use std::fs;
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -79,61 +80,34 @@ pub struct Made {
     pub warnings: Vec<String>,
 }
 
-/// Makes a job: reads the scene, copies what was read, loads it again from the copies, and runs the
-/// pilots.
+/// Makes a job: reads the scene, runs the pilots, copies what was read, and loads it again from the
+/// copies. The folder appears when all of that has succeeded.
 ///
 /// # Errors
-/// The scene does not load, or the folder cannot be made.
+/// The scene does not load, or not from its copies, or the folder cannot be made.
 pub fn make(path: &Path, request: &Request) -> Result<Made, JobError> {
+    let draft = Draft::new(path)?;
     let read = loaded::load(&request.scene, &request.overrides)?;
-    let sensor = read.sensor(request.sensor.as_deref())?;
-    Folder::make(path)?;
-    let scene_folder = folder(&request.scene);
-    let root = scene_folder.canonicalize();
-    let root = root.map_err(|e| FileError::new(scene_folder, e))?;
-    let scene = file_name(&request.scene)?;
-    let mut files = vec![freeze(path, &request.scene, scene.clone())?];
-    for file in &read.files {
-        if *file == request.scene {
-            continue;
-        }
-        let at = file.canonicalize().map_err(|e| FileError::new(file, e))?;
-        let name = at.strip_prefix(&root).ok().and_then(slashed);
-        let name = name.ok_or_else(|| {
-            JobError::format(
-                file,
-                "is outside the scene's folder, or its name is no text",
-            )
-        })?;
-        if files.iter().all(|f| f.name != name) {
-            files.push(freeze(path, &at, name)?);
-        }
-    }
     let settings = &read.settings;
-    let session_options = |passes| SessionOptions {
-        sensor,
-        crop: request.crop,
-        outputs: OutputRequest {
-            response: read.response(),
-            ..OutputRequest::default()
-        },
-        passes: Some(passes),
-        ..SessionOptions::default()
-    };
     let passes = if request.is_endless {
         NO_LIMIT
     } else {
         settings.spp
     };
-    let mut session = Session::new(
-        Arc::clone(&read.scene),
-        settings,
-        session_options(0..passes.min(MOST_MEASURED)),
-    )?;
+    let options = SessionOptions {
+        sensor: read.sensor(request.sensor.as_deref())?,
+        crop: request.crop,
+        outputs: OutputRequest {
+            response: read.response(),
+            ..OutputRequest::default()
+        },
+        passes: Some(0..passes.min(MOST_MEASURED)),
+        ..SessionOptions::default()
+    };
+    let mut session = Session::new(Arc::clone(&read.scene), settings, options)?;
     let header = identity::header(&session.render());
     let choices = serde_json::to_vec(session.render().choices());
     let choices = choices.map_err(|e| JobError::format(path, e.to_string()))?;
-    let choices = freeze_bytes(path, &choices, thaw::CHOICES)?;
     let (chunk, pass_time) = match request.chunk {
         ChunkLength::Passes(passes) => (passes, None),
         ChunkLength::Time(time) => {
@@ -142,6 +116,11 @@ pub fn make(path: &Path, request: &Request) -> Result<Made, JobError> {
             ((passes as u32).max(1), Some(pass))
         }
     };
+    drop(session);
+    draft.make()?;
+    let scene = file_name(&request.scene)?;
+    let files = freeze_all(&draft.path, &request.scene, &scene, &read.files)?;
+    let choices = freeze_bytes(&draft.path, &choices, thaw::CHOICES)?;
     let copied = files.iter().map(|f| f.bytes).sum::<u64>() + choices.bytes;
     let manifest = Manifest {
         format: FORMAT,
@@ -157,16 +136,97 @@ pub fn make(path: &Path, request: &Request) -> Result<Made, JobError> {
         choices,
         files,
     };
-    drop(session);
     // what a name leads to through a link is at another place among the copies
-    let made = Folder::begin(path, manifest)?;
-    thaw::scene(&made)?;
+    thaw::scene(&Folder::begin(&draft.path, manifest)?).map_err(|error| {
+        let text = format!(
+            "the copies do not make the same scene (allowed: no symbolic links in the scene's \
+             folder, and no file that changes meanwhile): {error}"
+        );
+        JobError::format(&request.scene, text)
+    })?;
     Ok(Made {
-        folder: made,
+        folder: draft.publish()?,
         copied,
         pass_time,
         warnings: read.warnings,
     })
+}
+
+/// A job that is being made, beside the place where it will be; removed unless it is published.
+#[derive(Debug)]
+struct Draft<'a> {
+    place: &'a Path,
+    path: PathBuf,
+}
+
+impl<'a> Draft<'a> {
+    /// For a job at this place.
+    fn new(place: &'a Path) -> Result<Self, JobError> {
+        let is_empty = place.read_dir().map(|mut all| all.next().is_none());
+        match is_empty {
+            Ok(true) => {}
+            Err(e) if e.kind() == ErrorKind::NotFound => {
+                // before the scene is read
+                let parent = folder(place);
+                if !parent.is_dir() {
+                    return Err(JobError::format(parent, "no folder to make a job in"));
+                }
+            }
+            Ok(false) | Err(_) => {
+                let text = "is there and no empty folder (allowed: a new or an empty folder)";
+                return Err(JobError::format(place, text));
+            }
+        }
+        let path = folder(place).join(format!(".abbe-{}.tmp", random_name()));
+        Ok(Self { place, path })
+    }
+
+    fn make(&self) -> Result<(), JobError> {
+        Folder::make(&self.path)
+    }
+
+    /// Puts it into its place.
+    fn publish(self) -> Result<Folder, JobError> {
+        // an empty folder; any other one stays, and is an error
+        _ = fs::remove_dir(self.place);
+        fs::rename(&self.path, self.place).map_err(|e| FileError::new(self.place, e))?;
+        Folder::open(self.place)
+    }
+}
+
+impl Drop for Draft<'_> {
+    fn drop(&mut self) {
+        // its own name, of random digits
+        _ = fs::remove_dir_all(&self.path);
+    }
+}
+
+/// Copies the files of a scene, the scene itself first, by their names as seen from its folder.
+fn freeze_all(
+    job: &Path,
+    scene: &Path,
+    name: &str,
+    read: &[PathBuf],
+) -> Result<Vec<Copy>, JobError> {
+    let scene_folder = folder(scene);
+    let root = scene_folder.canonicalize();
+    let root = root.map_err(|e| FileError::new(scene_folder, e))?;
+    let mut files = vec![freeze(job, scene, name.to_owned())?];
+    for file in read {
+        if file == scene {
+            continue;
+        }
+        let at = file.canonicalize().map_err(|e| FileError::new(file, e))?;
+        let name = at.strip_prefix(&root).ok().and_then(slashed);
+        let name = name.ok_or_else(|| {
+            let text = "is outside the scene's folder, or its name is no text";
+            JobError::format(file, text)
+        })?;
+        if files.iter().all(|f| f.name != name) {
+            files.push(freeze(job, &at, name)?);
+        }
+    }
+    Ok(files)
 }
 
 fn time_of_a_pass(session: &mut Session) -> Duration {
@@ -211,7 +271,7 @@ fn freeze(job: &Path, file: &Path, name: String) -> Result<Copy, JobError> {
         return Err(JobError::format(file, "changed while it was copied"));
     }
     let to = job.join("files").join(&sha256);
-    std::fs::rename(&path, &to).map_err(|e| FileError::new(&to, e))?;
+    fs::rename(&path, &to).map_err(|e| FileError::new(&to, e))?;
     Ok(Copy {
         name,
         bytes,

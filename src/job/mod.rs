@@ -19,6 +19,7 @@ pub mod folder;
 pub mod freeze;
 pub mod manifest;
 pub mod parts;
+mod search;
 pub mod status;
 pub mod thaw;
 pub mod work;

@@ -3,8 +3,8 @@
 use super::blocks::{Block, outermost};
 use super::folder::{Folder, check_unlinked, modified, random_name};
 use super::{Chunks, JobError};
-use crate::io::atomic::FileError;
-use crate::io::part::{self, Part, PartError};
+use crate::io::atomic::{FileError, remove_left_behind};
+use crate::io::part::{self, Part, PartError, PartHeader};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::PathBuf;
@@ -59,17 +59,28 @@ impl Folder {
 
     /// Writes the part of a block. Where it is there already, it becomes the same again.
     pub(super) fn put(&self, block: &Block, part: &Part) -> Result<(), PartError> {
-        part::write(&self.part_path(block), part)
+        part::write_packed(&self.part_path(block), part)
+    }
+
+    /// Whether there is a part of a block.
+    fn is_there(&self, block: &Block) -> bool {
+        self.part_path(block).symlink_metadata().is_ok()
+    }
+
+    /// Whether there is a part that holds a block.
+    pub(super) fn is_done(&self, block: &Block) -> bool {
+        // upward: what becomes part of a larger block meanwhile is found there
+        let chunks = self.manifest.chunks();
+        chunks.holders(block).any(|holder| self.is_there(&holder))
     }
 
     /// Reads the part of a block; moves it out of the way where it is not as it has to be.
     fn take(&self, block: &Block) -> Result<Found, JobError> {
         let path = self.part_path(block);
         let found = check_unlinked(&path).map_err(|e| PartError::from(FileError::new(&path, e)));
-        let read = found.and_then(|_| part::read(&path)).and_then(|read| {
-            part::check_identical(&self.manifest.header_of(block), &read.header)?;
-            Ok(read)
-        });
+        let expected = self.manifest.header_of(block);
+        let check = |header: &PartHeader| part::check_identical(&expected, header);
+        let read = found.and_then(|_| part::read_as(&path, check));
         let error = match read {
             Ok(read) => return Ok(Found::Part(Box::new(read))),
             Err(error) => error,
@@ -93,9 +104,7 @@ impl Folder {
             Err(e) if e.kind() == ErrorKind::NotFound => {}
             moved => moved.map_err(|e| FileError::new(&from, e))?,
         }
-        for chunk in block.chunks() {
-            self.release_all(chunk)?;
-        }
+        block.chunks().for_each(|chunk| self.release_all(chunk));
         Ok(Damaged {
             block: *block,
             path: to,
@@ -154,10 +163,8 @@ impl Folder {
     ) -> Result<(), JobError> {
         let chunks = self.manifest.chunks();
         while let Some(parent) = chunks.parent(&block) {
-            let there = self.blocks()?;
             let children = chunks.children(&parent);
-            let is_held = there.iter().any(|b| b.holds(&parent));
-            if is_held || !children.iter().all(|c| there.contains(c)) {
+            if self.is_done(&parent) || !children.iter().all(|child| self.is_there(child)) {
                 return Ok(());
             }
             match self.sum_of(&children, damaged)? {
@@ -169,9 +176,16 @@ impl Folder {
         Ok(())
     }
 
-    /// Removes parts that larger ones hold: those that hold them must be so old, so that who has
-    /// begun to read the small ones can finish.
-    pub(super) fn remove_held(&self, age: Duration) -> Result<(), JobError> {
+    /// Removes parts that larger ones hold, with the claims of their chunks: those that hold them
+    /// must be so old, so that who has begun to read the small ones, or has seen neither, can
+    /// finish. Removes temporary files of killed workers, too.
+    ///
+    /// # Errors
+    /// The folder cannot be read, or not be written at all.
+    pub fn sweep(&self, age: Duration) -> Result<(), JobError> {
+        for folder in ["parts", "workers"] {
+            remove_left_behind(&self.at(folder));
+        }
         let all = self.blocks()?;
         let outer = outermost(&all);
         if all.len() == outer.len() {
@@ -191,8 +205,13 @@ impl Folder {
                 .and_then(|at| now.duration_since(at).ok())
                 .is_some_and(|old| old >= age);
             if is_old {
-                // one that stays does no harm
-                held.for_each(|block| _ = fs::remove_file(self.part_path(block)));
+                for block in held {
+                    if block.len() == 1 {
+                        self.release_all(block.start);
+                    }
+                    // one that stays does no harm
+                    _ = fs::remove_file(self.part_path(block));
+                }
             }
         }
         Ok(())

@@ -1,7 +1,7 @@
 //! The state of a job: what is done, who works, the error reached, and the time that is left for
 //! the workers there are.
 
-use super::blocks::outermost;
+use super::blocks::{is_in, outermost};
 use super::claims::{Claim, Seen};
 use super::folder::Folder;
 use super::{Block, JobError};
@@ -10,7 +10,6 @@ use crate::io::image::film_of_part;
 use crate::io::part::Part;
 use crate::render::ErrorEstimate;
 use crate::render::error::error_estimate;
-use std::collections::BTreeSet;
 use std::time::Duration;
 
 /// State of a job.
@@ -45,10 +44,9 @@ impl Folder {
         let workers = self.workers()?;
         let claims = self.claims()?;
         let blocks = outermost(&self.blocks()?);
-        let done: BTreeSet<u32> = blocks.iter().flat_map(Block::chunks).collect();
         let lives = |worker: &str| workers.iter().any(|w| w.worker == worker && !w.is_dead);
         let (mut running, mut dead) = (0, 0);
-        for (&chunk, &generation) in claims.iter().filter(|c| !done.contains(c.0)) {
+        for (&chunk, &generation) in claims.iter().filter(|c| !is_in(&blocks, *c.0)) {
             let owner = self.owner(Claim { chunk, generation });
             if owner.is_some_and(|owner| lives(&owner)) {
                 running += 1;
@@ -61,7 +59,7 @@ impl Folder {
         let is_endless = manifest.is_endless();
         Ok(Status {
             chunks: (!is_endless).then(|| all.count()),
-            done: done.len() as u32,
+            done: blocks.iter().map(Block::len).sum(),
             running,
             dead,
             passes_done: passes,
@@ -100,7 +98,10 @@ impl Status {
     /// Time that so many passes will still take the workers that live.
     #[must_use]
     pub fn time_left(&self, expected_passes: f64) -> Option<Duration> {
-        let left = (expected_passes - self.passes_done as f64).max(0.0);
+        let left = expected_passes - self.passes_done as f64;
+        if left <= 0.0 {
+            return Some(Duration::ZERO);
+        }
         Duration::try_from_secs_f64(left / self.rate()).ok()
     }
 }

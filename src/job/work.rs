@@ -3,12 +3,12 @@
 use super::claims::{Claim, Report, is_worker_name};
 use super::folder::{Folder, random_name};
 use super::parts::Damaged;
+use super::search::{Next, Pace, Search};
 use super::status::error_of;
 use super::thaw::Thawed;
 use super::{Block, JobError};
 use crate::io::part::{self, Part, PartError};
 use crate::render::{Cancel, StopReason, StopRules};
-use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::ops::Range;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -23,8 +23,6 @@ const LOOK: Duration = Duration::from_millis(100);
 /// How long errors of the disk other than a full one are waited for, and how often.
 const PATIENCE: Duration = Duration::from_secs(600);
 const RETRY: Duration = Duration::from_secs(1);
-/// Free chunks of which a worker tries one, for each that somebody works on.
-const SPREAD: usize = 2;
 
 /// Wishes of a worker.
 #[derive(Clone, Debug, Default)]
@@ -97,14 +95,6 @@ pub struct Summary {
     pub end: End,
 }
 
-/// Next thing to do.
-enum Next {
-    Chunk(Claim),
-    /// Others work on so many chunks.
-    Wait(usize),
-    Complete,
-}
-
 struct Worker<'a> {
     job: &'a Folder,
     scene: &'a Thawed,
@@ -161,6 +151,10 @@ pub fn run(
 }
 
 impl Worker<'_> {
+    fn lease(&self) -> Duration {
+        self.job.manifest.lease_ms
+    }
+
     fn report(&self) -> Report {
         *self.report.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -177,7 +171,7 @@ impl Worker<'_> {
 
     /// Shows life until the other end of the channel is gone.
     fn live(&self, life: Receiver<()>) {
-        let pause = self.job.manifest.lease_ms / SIGNS;
+        let pause = self.lease() / SIGNS;
         while life.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
             self.show();
         }
@@ -186,14 +180,19 @@ impl Worker<'_> {
     fn work(&self) -> Result<Summary, JobError> {
         let (began, mut waited) = (Instant::now(), Duration::ZERO);
         let (mut target, mut was_waiting) = (Target::default(), false);
+        let mut search = Search::new(self.job, &self.name, self.options.chunks.clone());
+        let mut sweep = Pace::new(self.lease());
         let end = loop {
             if self.cancel.is_requested() {
                 break End::Interrupted;
             }
+            if sweep.is_due() {
+                self.patiently(|| sweep.measure(|| self.job.sweep(self.lease())))?;
+            }
             if let Some(error) = self.patiently(|| target.reached(self))? {
                 break End::TargetReached(error);
             }
-            match self.patiently(|| self.next())? {
+            match self.patiently(|| search.next())? {
                 Next::Chunk(claim) => {
                     was_waiting = false;
                     if !self.chunk(claim)? {
@@ -207,7 +206,7 @@ impl Worker<'_> {
                         (self.tell)(&Event::Waits { chunks });
                     }
                     let start = Instant::now();
-                    self.sleep(self.job.manifest.lease_ms / SIGNS);
+                    self.sleep(search.pause());
                     waited += start.elapsed();
                 }
                 Next::Complete => {
@@ -228,71 +227,6 @@ impl Worker<'_> {
         })
     }
 
-    /// Claims a chunk, or says why there is none to claim.
-    fn next(&self) -> Result<Next, JobError> {
-        let all = self.options.chunks.clone();
-        let all = all.unwrap_or(0..self.job.manifest.chunks().count());
-        loop {
-            // parts after claims: a chunk that is done in between is not taken for one that is open
-            let claims = self.job.claims()?;
-            let done = self.job.blocks()?;
-            let done: BTreeSet<u32> = done.iter().flat_map(Block::chunks).collect();
-            let mut open = claims
-                .iter()
-                .filter(|c| all.contains(c.0) && !done.contains(c.0));
-            // the oldest is enough: the next one has its turn with the next claim
-            let oldest = open
-                .next()
-                .map(|(&chunk, &generation)| Claim { chunk, generation });
-            let count = open.count() + usize::from(oldest.is_some());
-            let free = all
-                .clone()
-                .filter(|c| !claims.contains_key(c) && !done.contains(c));
-            let free: Vec<u32> = free.take(1 + SPREAD * count).collect();
-            if let Some(abandoned) = oldest {
-                if let Some(claim) = self.inherit(abandoned)? {
-                    return Ok(Next::Chunk(claim));
-                }
-                if free.is_empty() {
-                    // now each of them
-                    let open = claims
-                        .iter()
-                        .filter(|c| all.contains(c.0) && !done.contains(c.0));
-                    for (&chunk, &generation) in open {
-                        if let Some(claim) = self.inherit(Claim { chunk, generation })? {
-                            return Ok(Next::Chunk(claim));
-                        }
-                    }
-                    return Ok(Next::Wait(count));
-                }
-            } else if free.is_empty() {
-                return Ok(Next::Complete);
-            }
-            let first = random_index(free.len());
-            for i in 0..free.len() {
-                let claim = Claim {
-                    chunk: free[(first + i) % free.len()],
-                    generation: 0,
-                };
-                if self.job.claim(claim, &self.name)? {
-                    return Ok(Next::Chunk(claim));
-                }
-            }
-        }
-    }
-
-    /// Claims a chunk whose worker is dead.
-    fn inherit(&self, claim: Claim) -> Result<Option<Claim>, JobError> {
-        if !self.job.is_abandoned(claim)? {
-            return Ok(None);
-        }
-        let claim = Claim {
-            generation: claim.generation.saturating_add(1),
-            ..claim
-        };
-        Ok(self.job.claim(claim, &self.name)?.then_some(claim))
-    }
-
     /// Renders a chunk and puts it to the others. Whether it was not interrupted.
     fn chunk(&self, claim: Claim) -> Result<bool, JobError> {
         let chunk = claim.chunk;
@@ -309,7 +243,10 @@ impl Worker<'_> {
             return Ok(false);
         };
         let time = began.elapsed();
-        self.patiently(|| Ok(self.job.put(&block, &part)?))?;
+        // a worker that counted as dead may find its chunk done
+        if !self.job.is_done(&block) {
+            self.patiently(|| Ok(self.job.put(&block, &part)?))?;
+        }
         drop(part);
         self.change(|report| {
             report.chunk = None;
@@ -319,7 +256,6 @@ impl Worker<'_> {
         });
         (self.tell)(&Event::Done { chunk, time });
         self.patiently(|| self.merge_up(block).map(drop))?;
-        self.patiently(|| self.job.remove_held(self.job.manifest.lease_ms))?;
         Ok(true)
     }
 
@@ -347,7 +283,7 @@ impl Worker<'_> {
                 return Ok(false);
             }
         }
-        self.job.remove_held(self.job.manifest.lease_ms)?;
+        self.job.sweep(self.lease())?;
         Ok(true)
     }
 
@@ -384,7 +320,7 @@ impl Worker<'_> {
                 (self.tell)(&Event::Paused(&error));
             }
             // what others may still be reading goes first
-            _ = self.job.remove_held(Duration::ZERO);
+            _ = self.job.sweep(Duration::ZERO);
             self.sleep(RETRY);
             if self.cancel.is_requested() {
                 return Err(JobError::Interrupted);
@@ -398,11 +334,6 @@ fn disk_error(error: &JobError) -> Option<ErrorKind> {
         JobError::File(e) | JobError::Part(PartError::File(e)) => Some(e.source.kind()),
         _ => None,
     }
-}
-
-fn random_index(count: usize) -> usize {
-    use std::hash::{BuildHasher, RandomState};
-    (RandomState::new().hash_one(0) % count.max(1) as u64) as usize
 }
 
 /// The target error of a job, looked at as seldom as is safe.

@@ -52,6 +52,9 @@ pub fn run(options: &CollectOptions) -> Result<Outcome, CliError> {
     }
     if options.remove {
         job.remove()?;
+    } else {
+        // on a disk that is only read, nothing is removed
+        _ = job.sweep(job.manifest.lease_ms);
     }
     Ok(Outcome::Done)
 }

@@ -6,7 +6,7 @@
 mod format;
 mod merge;
 
-pub use format::{fuzz_part, is_part, read, write};
+pub use format::{fuzz_part, is_part, read, read_as, write, write_packed};
 pub use merge::{check_identical, merge, merge_each};
 
 use super::atomic::FileError;
