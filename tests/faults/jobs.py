@@ -6,11 +6,13 @@
 For each number of workers: so many processes work on one folder, each with one thread; one after another is ended by SIGKILL
 at random moments and another one started in its place, until as many kills have been made; one is stopped (SIGSTOP) for longer
 than a lease and goes on. Between kills a part is damaged now and then. Then the rest is rendered undisturbed, and image and
-part are compared byte for byte with those of `abbe render`. After that, what must be refused: another version, another scene,
-links, copies that are not what they were. Run by hand; the clock decides nothing but how far the workers come.
+part are compared byte for byte with those of `abbe render`. Before that, what must be refused: another version, another scene,
+links, copies that are not what they were; and a job on a small disk (tmpfs, where it can be mounted) that is full for a
+while. Run by hand; the clock decides nothing but how far the workers come.
 """
 
 import argparse
+import contextlib
 import json
 import os
 import pathlib
@@ -177,6 +179,39 @@ def refused(abbe, folder):
         print(f"{what} is refused: {text.strip()}")
 
 
+def full_disk(abbe, folder):
+    """A job on a disk that is full goes on when there is room again."""
+    small = folder / "small"
+    small.mkdir()
+    if run("mount", "-t", "tmpfs", "-o", "size=16m", "tmpfs", small).returncode != 0:
+        print("a full disk: not tried (tmpfs cannot be mounted here)")
+        return
+    try:
+        job = small / "job"
+        run(abbe, "job", "new", folder / "scene.toml", "-o", job, "--chunk", "20", check=True)
+        at_work = worker(abbe, job)
+        while not any((job / "parts").glob("*.part")):
+            time.sleep(0.02)
+        with contextlib.suppress(OSError), open(small / "ballast", "wb") as ballast:
+            while True:
+                ballast.write(bytes(4096))
+                ballast.flush()
+        said = at_work.stderr.readline()
+        assert "paused until it works again" in said, said
+        time.sleep(3)
+        assert at_work.poll() is None, "the worker has given up"
+        (small / "ballast").unlink()
+        said = at_work.stderr.readline()
+        assert "it works again" in said, said
+        assert at_work.wait() == 0
+        run(abbe, "job", "collect", job, "-o", folder / "f.exr", "--part", folder / "f.part", check=True)
+        for name in ["exr", "part"]:
+            assert (folder / f"f.{name}").read_bytes() == (folder / f"r.{name}").read_bytes(), name
+        print("a full disk: the worker paused and went on; image and part are the same")
+    finally:
+        run("umount", small)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("abbe")
@@ -190,6 +225,7 @@ def main():
         (folder / "scene.toml").write_text(SCENE)
         refused(abbe, folder)
         run(abbe, "render", folder / "scene.toml", "-o", folder / "r.exr", "--part", folder / "r.part", "-q", check=True)
+        full_disk(abbe, folder)
         for workers in map(int, options.workers.split(",")):
             killed(abbe, folder, options.kills, workers, rng)
 
