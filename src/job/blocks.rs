@@ -50,7 +50,7 @@ impl Block {
         self.end <= self.start
     }
 
-    /// Its chunks.
+    /// Chunks of the block.
     #[must_use]
     pub fn chunks(&self) -> Range<u32> {
         self.start..self.end

@@ -16,7 +16,7 @@ const FOLDERS: [&str; 5] = ["files", "claims", "workers", "parts", "damaged"];
 #[derive(Clone, Debug)]
 pub struct Folder {
     path: PathBuf,
-    /// What it renders.
+    /// Manifest of the job.
     pub manifest: Manifest,
 }
 
@@ -67,7 +67,7 @@ impl Folder {
         })
     }
 
-    /// Its path.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

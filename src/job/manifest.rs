@@ -39,7 +39,7 @@ pub struct Copy {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TargetError(#[serde(with = "exact")] pub f64);
 
-/// What a job renders.
+/// Manifest: what a job renders.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {

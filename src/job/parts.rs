@@ -16,7 +16,7 @@ const TRIES: usize = 20;
 /// A part that was moved to `damaged/`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damaged {
-    /// Its chunks, which are to be rendered again.
+    /// Chunks of the part, which are to be rendered again.
     pub block: Block,
     /// Where it is now.
     pub path: PathBuf,
@@ -24,10 +24,10 @@ pub struct Damaged {
     pub message: String,
 }
 
-/// What was read of a block.
+/// Result of reading a block.
 enum Found {
     Part(Box<Part>),
-    /// It has become part of a larger one.
+    /// None any more: it has become part of a larger one.
     Gone,
     Damaged(Damaged),
 }

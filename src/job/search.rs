@@ -55,7 +55,7 @@ impl Pace {
         self.next.is_none_or(|next| next <= Instant::now())
     }
 
-    /// It was done just now, for so long.
+    /// Notes that it was done just now, for so long.
     fn done(&mut self, took: Duration) {
         self.next = Instant::now().checked_add(self.least.max(took.saturating_mul(SHARE)));
     }

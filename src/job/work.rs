@@ -40,14 +40,14 @@ pub struct Options {
 /// News of a worker.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// It begins a chunk.
+    /// Beginning of a chunk.
     Begun {
         /// The chunk.
         chunk: u32,
-        /// Its passes.
+        /// Passes of the chunk.
         passes: Range<u32>,
     },
-    /// It has rendered a chunk.
+    /// End of a chunk.
     Done {
         /// The chunk.
         chunk: u32,
@@ -83,15 +83,15 @@ pub enum End {
 /// Balance of a worker.
 #[derive(Clone, Debug)]
 pub struct Summary {
-    /// Its full name.
+    /// Full name of the worker.
     pub worker: String,
-    /// What it has done.
+    /// Last sign of life: chunks and passes done.
     pub report: Report,
     /// Time since it began.
     pub elapsed: Duration,
     /// Time for claims, parts and merges: what is not spent on passes, nor on waiting.
     pub overhead: Duration,
-    /// Why it ended.
+    /// Reason for the end.
     pub end: End,
 }
 

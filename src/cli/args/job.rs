@@ -65,7 +65,7 @@ pub struct NewOptions {
     pub moment: Moment,
     #[command(flatten)]
     pub overrides: Overrides,
-    /// Threads for the pilots, and for the passes that tell how long a chunk is; all cores otherwise
+    /// Threads for the pilots and for the passes that are measured; all cores otherwise
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// Prints nothing but warnings and errors
