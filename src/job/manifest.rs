@@ -307,7 +307,8 @@ mod tests {
             let error = refused(|m| m.files[1].sha256 = hash.to_owned());
             assert!(error.contains("no SHA-256"), "{hash:?}: {error}");
         }
-        let cases: [(fn(&mut Manifest), &str); 10] = [
+        type Case = (fn(&mut Manifest), &'static str);
+        let cases: [Case; 10] = [
             (|m| m.header.crop = [0, 0, 5, 4], "crop"),
             (|m| m.files[1].bytes = u64::MAX, "bytes"),
             (|m| m.files[1].name = m.files[0].name.clone(), "twice"),

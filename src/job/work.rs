@@ -140,8 +140,9 @@ pub fn run(
     // no claim before the first sign of life
     worker.show();
     let (end_of_life, life) = channel::<()>();
+    let worker = &worker;
     let summary = thread::scope(|scope| {
-        scope.spawn(|| worker.live(life));
+        scope.spawn(move || worker.live(&life));
         let summary = worker.work();
         drop(end_of_life);
         summary
@@ -170,7 +171,7 @@ impl Worker<'_> {
     }
 
     /// Shows life until the other end of the channel is gone.
-    fn live(&self, life: Receiver<()>) {
+    fn live(&self, life: &Receiver<()>) {
         let pause = self.lease() / SIGNS;
         while life.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
             self.show();
