@@ -81,6 +81,7 @@ pub mod render;
 
 pub mod io;
 
+pub mod job;
 pub mod report;
 
 #[cfg(feature = "cli")]

@@ -7,6 +7,7 @@ use crate::io::exr::ExrError;
 use crate::io::image::ReadError;
 use crate::io::loaded::LoadError;
 use crate::io::part::PartError;
+use crate::job::JobError;
 use crate::render::SessionError;
 use crate::report::ReportError;
 use crate::spectrum::LibraryError;
@@ -48,6 +49,9 @@ pub enum CliError {
     /// A part file that could not be read, written or merged.
     #[error(transparent)]
     Part(#[from] PartError),
+    /// A job that could not be made, worked on or collected.
+    #[error(transparent)]
+    Job(#[from] JobError),
     /// Sums that do not fit.
     #[error(transparent)]
     Sums(#[from] AddSumsError),
@@ -90,7 +94,7 @@ impl CliError {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) | Self::Claim(ClaimError::Input(_) | ClaimError::Twice { .. }) => 2,
-            Self::Load(error) => 1 + u8::from(error.is_usage()),
+            Self::Load(error) | Self::Job(JobError::Load(error)) => 1 + u8::from(error.is_usage()),
             Self::Report(error) => 1 + u8::from(error.is_usage()),
             _ => 1,
         }

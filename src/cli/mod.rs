@@ -15,6 +15,7 @@ mod glass;
 mod image_output;
 mod info;
 mod interrupt;
+mod job;
 mod keys;
 mod lens;
 mod memory;
@@ -75,6 +76,7 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Glass(options) => glass::run(&options),
         Command::Keys(options) => keys::run(&options),
         Command::Lens(options) => lens::run(&options),
+        Command::Job(options) => job::run(&options.command),
         Command::Merge(options) => merge::run(&options),
         Command::Banding(options) => banding::run(&options),
         Command::Convert(options) => convert::run(&options),

@@ -75,7 +75,7 @@ pub(super) fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
 }
 
 /// Removes temporary files of runs that were killed while they wrote.
-fn remove_left_behind(folder: &Path) {
+pub(crate) fn remove_left_behind(folder: &Path) {
     let [prefix, suffix] = TEMPORARY;
     for entry in folder.read_dir().into_iter().flatten().flatten() {
         let name = entry.file_name();

@@ -25,12 +25,20 @@ pub fn of(render: &Render) -> ExrImage {
 /// # Errors
 /// Where the sums do not fit the header.
 pub fn of_part(part: &Part) -> Result<ExrImage, AddSumsError> {
+    Ok(xyz_image(&film_of_part(part)?, &part.header))
+}
+
+/// The film of a part.
+///
+/// # Errors
+/// Where the sums do not fit the header.
+pub fn film_of_part(part: &Part) -> Result<Film, AddSumsError> {
     let header = &part.header;
     // nothing is splatted any more: the filter does not matter
     let film = Film::new(header.crop(), Filter::Box, header.channels as usize);
     let mut film = film.with_exponent(header.exponent);
     film.add_sums(&part.sums)?;
-    Ok(xyz_image(&film, header))
+    Ok(film)
 }
 
 /// Reads an image, or makes that of a part.

@@ -5,6 +5,7 @@ pub mod banding;
 pub(crate) mod chi_square;
 pub mod convergence;
 pub mod distribution;
+pub mod exact;
 pub mod frame;
 pub mod hash;
 pub mod image_error;

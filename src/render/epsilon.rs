@@ -15,11 +15,13 @@ use crate::bsdf::Label;
 use crate::film::Crop;
 use crate::integrator::{SensorJob, Workspace, sample_pixel};
 use crate::light::LightId;
+use crate::math::exact;
 use crate::scene::Settings;
 use crate::spectrum::SensorResponse;
 use crate::transport::{Cone, PassSettings, Subpath, Target};
 use glam::DVec2;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// ε of the authors' images, used where the scene says nothing.
 const FALLBACK: f64 = 0.04;
@@ -41,16 +43,17 @@ const REGION: u32 = 64;
 const FIRST_PASS: u32 = u32::MAX - 16;
 
 /// A choice of ε₁.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpsilonChoice {
     /// Half-aperture in radians.
+    #[serde(with = "exact")]
     pub epsilon: f64,
     /// How it was found.
     pub reason: EpsilonReason,
 }
 
 /// How ε₁ was found.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum EpsilonReason {
     /// The scene says it.
     Given,
@@ -61,6 +64,7 @@ pub enum EpsilonReason {
         /// The larger of the geometric bounds.
         prior: Prior,
         /// That bound in radians.
+        #[serde(with = "exact")]
         prior_rad: f64,
         /// Result of the renders with it.
         refinement: Refinement,
@@ -68,7 +72,7 @@ pub enum EpsilonReason {
 }
 
 /// Geometric bounds of ε₁.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Prior {
     /// Half the angular radius of the lights.
     Lights,
@@ -77,12 +81,12 @@ pub enum Prior {
 }
 
 /// Results of the two short renders.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Refinement {
     /// Nothing was regularized.
     Nothing,
     /// Squared bias and variance balance at this half-aperture in radians.
-    Balance(f64),
+    Balance(#[serde(with = "exact")] f64),
     /// The bias is lost in noise.
     LostInNoise,
 }

@@ -12,6 +12,7 @@
 use super::pilot::{PASS, SAMPLES, lattice};
 use crate::film::Crop;
 use crate::integrator::{PhotonTracer, SensorJob, Workspace, sample_pixel};
+use crate::math::exact;
 use crate::math::hash::{combine, random_bits, unit_f64};
 use crate::scene::Settings;
 use crate::scene::settings::{Merging, Sharing};
@@ -21,6 +22,7 @@ use crate::transport::photons::bytes_per_vertex;
 use crate::transport::{Counters, PassSettings, PhotonBuffer, PhotonMap};
 use glam::DVec2;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// r₁ in widths of a pixel, where the camera sees something.
 pub const PIXELS: f64 = 2.0;
@@ -36,16 +38,17 @@ const BATCHES: usize = 64;
 const PILOT_PASSES: u32 = 4;
 
 /// A choice of r₁.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RadiusChoice {
     /// Radius of the first pass in metres.
+    #[serde(with = "exact")]
     pub radius: f64,
     /// How it was found.
     pub reason: RadiusReason,
 }
 
 /// How r₁ was found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RadiusReason {
     /// The scene says it.
     Given,

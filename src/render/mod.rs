@@ -1,6 +1,7 @@
 //! Rendering: passes over tiles on all threads, stop rules, and what is kept of the contributions.
 
 pub mod bias;
+pub mod choices;
 pub mod clock;
 pub mod epsilon;
 pub mod error;
@@ -18,6 +19,7 @@ pub mod table;
 pub mod tries;
 pub mod variance;
 
+pub use choices::Choices;
 pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;
 pub use flux::{Flux, Total};
@@ -51,18 +53,9 @@ pub struct Render {
     request: OutputRequest,
     regularization: Decision,
     outputs: Outputs,
-    /// ε₁ of regularized renders.
-    epsilon: Option<EpsilonChoice>,
-    /// How often chains are solved for, where any are.
-    tries: Option<TriesChoice>,
-    /// Variance factors of the weights, where they have any.
-    factors: Option<VarianceFactors>,
-    /// r₁ of renders with merging.
-    radius: Option<RadiusChoice>,
+    choices: Choices,
     /// Bytes of the largest photon map so far.
     photon_bytes: u64,
-    /// Roulette threshold of this seed and scene, from the pilot.
-    roulette_threshold: f64,
     /// Global indices of the passes done.
     passes: Vec<u32>,
     counters: Counters,
@@ -94,21 +87,39 @@ impl Render {
         request: &OutputRequest,
         pilot: PilotPasses,
     ) -> Self {
+        let frame = frame(scene, sensor, settings, &crop, request);
+        let choices = Choices::find(frame, crop, request.response, pilot);
+        Self::chosen(scene, sensor, settings, crop, request, choices)
+    }
+
+    /// Prepares a render by choices that were made for it before. `None` where they are those of
+    /// another one.
+    #[must_use]
+    pub fn with_choices(
+        scene: &Arc<Scene>,
+        sensor: usize,
+        settings: &Settings,
+        crop: Crop,
+        request: &OutputRequest,
+        choices: Choices,
+    ) -> Option<Self> {
+        let frame = frame(scene, sensor, settings, &crop, request);
+        choices
+            .fit(&frame, crop)
+            .then(|| Self::chosen(scene, sensor, settings, crop, request, choices))
+    }
+
+    fn chosen(
+        scene: &Arc<Scene>,
+        sensor: usize,
+        settings: &Settings,
+        crop: Crop,
+        request: &OutputRequest,
+        choices: Choices,
+    ) -> Self {
         let filter = scene.sensors[sensor].filter;
         let outputs = Outputs::new(request, crop, filter, scene.film_exponent);
-        let mut frame = frame(scene, sensor, settings, &crop, request);
-        let epsilon = frame
-            .regularization
-            .mode
-            .map(|_| epsilon::choose(&frame, outputs.response));
-        let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
-        let merges = frame.strategies.merge.is_some();
-        let radius = merges.then(|| merging::choose_radius(&frame, outputs.response));
-        let tries = tries::choose(&frame, crop, cone, outputs.response, pilot);
-        frame.strategies.tries = tries.as_ref().map(|found| &found.tries);
-        let factors = variance::choose(&frame, crop, cone, outputs.response, pilot);
-        let roulette_threshold = pilot::roulette_threshold(&frame, cone, outputs.response);
-        let regularization = frame.regularization;
+        let regularization = frame(scene, sensor, settings, &crop, request).regularization;
         Self {
             scene: Arc::clone(scene),
             sensor,
@@ -117,12 +128,8 @@ impl Render {
             request: request.clone(),
             regularization,
             outputs,
-            epsilon,
-            tries,
-            factors,
-            radius,
+            choices,
             photon_bytes: 0,
-            roulette_threshold,
             passes: Vec::new(),
             counters: Counters::default(),
             table: ClassTable::default(),
@@ -156,27 +163,34 @@ impl Render {
             ..
         } = self;
         let mut frame = frame(scene, self.sensor, settings, crop, request);
-        frame.strategies.tries = self.tries.as_ref().map(|found| &found.tries);
-        frame.strategies.factors = self.factors.as_ref().map(|found| &found.factors);
+        let choices = &self.choices;
+        frame.strategies.tries = choices.tries.as_ref().map(|found| &found.tries);
+        frame.strategies.factors = choices.factors.as_ref().map(|found| &found.factors);
         frame
+    }
+
+    /// Results of its pilots.
+    #[must_use]
+    pub fn choices(&self) -> &Choices {
+        &self.choices
     }
 
     /// How often kinds of chains are solved for, where any are.
     #[must_use]
     pub fn tries(&self) -> Option<&TriesChoice> {
-        self.tries.as_ref()
+        self.choices.tries.as_ref()
     }
 
     /// Variance factors of the weights, where they have any.
     #[must_use]
     pub fn factors(&self) -> Option<&VarianceFactors> {
-        self.factors.as_ref()
+        self.choices.factors.as_ref()
     }
 
     /// Weights by other variance factors than those found: for tests and studies, before the first
     /// pass.
     pub fn set_factors(&mut self, factors: Option<VarianceFactors>) {
-        self.factors = factors;
+        self.choices.factors = factors;
     }
 
     /// The settings of pass `index`.
@@ -186,20 +200,20 @@ impl Render {
     }
 
     fn settings_of(&self, frame: &SensorJob, index: u32) -> PassSettings {
-        let merges = self.radius.is_some();
+        let merges = self.choices.radius.is_some();
         PassSettings {
             index,
             cone: self.epsilon_of_pass(index).map(Cone::new),
             merge_radius: self.radius_of_pass(index),
             shared: merges.then(|| merging::shared_sample(frame, index)),
-            roulette_threshold: self.roulette_threshold,
+            roulette_threshold: self.choices.roulette_threshold,
         }
     }
 
     /// Radius of merging in pass `index` in metres, `None` without merging.
     #[must_use]
     pub fn radius_of_pass(&self, index: u32) -> Option<f64> {
-        let first = self.radius.as_ref()?.radius;
+        let first = self.choices.radius.as_ref()?.radius;
         let merging = &self.settings.merging;
         let scene_radius = self.scene.accel.radius();
         Some(merging::scheduled_radius(
@@ -213,13 +227,14 @@ impl Render {
     /// r₁ and its reason, where photons are merged.
     #[must_use]
     pub fn radius(&self) -> Option<&RadiusChoice> {
-        self.radius.as_ref()
+        self.choices.radius.as_ref()
     }
 
     /// Memory of the photons of a pass, where they are merged: an estimate from a short run.
     #[must_use]
     pub fn photon_memory(&self) -> Option<PhotonMemory> {
-        self.radius
+        self.choices
+            .radius
             .is_some()
             .then(|| merging::memory(&self.frame(), &self.crop))
     }
@@ -227,7 +242,7 @@ impl Render {
     /// Bytes of a stored photon, its place in the index included, where photons are merged.
     #[must_use]
     pub fn bytes_per_photon(&self) -> Option<u64> {
-        self.radius.as_ref()?;
+        self.choices.radius.as_ref()?;
         Some(bytes_per_vertex(self.frame().lanes()) as u64)
     }
 
@@ -240,7 +255,7 @@ impl Render {
     /// The wavelengths that the passes done shared; `None` where each path has its own.
     #[must_use]
     pub fn shared_wavelengths(&self) -> Option<SharedWavelengths> {
-        self.radius.as_ref()?;
+        self.choices.radius.as_ref()?;
         let (frame, distribution) = (self.frame(), &self.scene.wavelengths);
         let heroes = self.passes.iter().flat_map(|&index| {
             let shared = merging::shared_sample(&frame, index);
@@ -258,7 +273,7 @@ impl Render {
     /// over √2.
     #[must_use]
     pub fn epsilon_of_pass(&self, index: u32) -> Option<f64> {
-        let first = self.epsilon.as_ref()?.epsilon;
+        let first = self.choices.epsilon.as_ref()?.epsilon;
         let settings = &self.settings.regularization;
         let scheduled = |i| scheduled_epsilon(first, settings.epsilon_min, i);
         Some(if self.tells_bias() && index & 1 == 1 {
@@ -287,7 +302,7 @@ impl Render {
     /// ε₁ and its reason, where there is one.
     #[must_use]
     pub fn epsilon(&self) -> Option<&EpsilonChoice> {
-        self.epsilon.as_ref()
+        self.choices.epsilon.as_ref()
     }
 
     /// Mean of ε² over the passes done, in steradians: the bias of the image is in proportion to
@@ -325,7 +340,7 @@ impl Render {
         let frame = self.frame();
         let mut pass = self.settings_of(&frame, flight.index);
         let mut photons = None;
-        if self.radius.is_some() {
+        if self.choices.radius.is_some() {
             let cancelled = || watch.is_cancelled();
             let Some((map, counters)) =
                 merging::trace_photons(&frame, &pass, &self.crop, cancelled)
@@ -414,7 +429,10 @@ impl Render {
     /// Estimated bias of regularization, where the passes alternate between two cones.
     #[must_use]
     pub fn bias(&self) -> Option<bias::BiasEstimate> {
-        self.epsilon.as_ref().filter(|_| self.tells_bias())?;
+        self.choices
+            .epsilon
+            .as_ref()
+            .filter(|_| self.tells_bias())?;
         let [even, odd] = self.pass_counts();
         bias::bias_estimate(&self.outputs.image, even, odd)
     }

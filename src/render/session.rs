@@ -9,7 +9,7 @@
 use super::clock::PassTime;
 use super::forecast::{ErrorHistory, Forecast};
 use super::pass::{Flight, TileObserver, Tiles, UnfinishedPass, Watch, tile_count, tile_pixels};
-use super::{Cancel, OutputRequest, Outputs, PilotPasses, Render, StopReason, StopRules};
+use super::{Cancel, Choices, OutputRequest, Outputs, PilotPasses, Render, StopReason, StopRules};
 use crate::film::{AddSumsError, Crop};
 use crate::scene::{Scene, Settings};
 use std::cell::LazyCell;
@@ -36,6 +36,8 @@ pub struct SessionOptions {
     pub stop: StopRules,
     /// Length of the pilot that finds the variance factors; `None`: by the settings.
     pub pilot: Option<PilotPasses>,
+    /// Results of the pilots, where they have run before; `None`: they run.
+    pub choices: Option<Choices>,
     /// Ends the session from outside: between passes, or in a live session between pixels.
     pub cancel: Cancel,
     /// Readers never wait for a pass, nor see one that is not whole: each is traced into films of
@@ -70,6 +72,9 @@ pub enum SessionError {
         /// Rows of the film.
         height: u32,
     },
+    /// Choices that were made for another render.
+    #[error("the results of the pilots are those of another render")]
+    Choices,
 }
 
 /// State of a session after a pass.
@@ -137,7 +142,7 @@ impl Session {
     /// Begins a session: the pilots run.
     ///
     /// # Errors
-    /// Where the scene has no such sensor, or its film no such part.
+    /// Where the scene has no such sensor, its film no such part, or the choices are another's.
     pub fn new(
         scene: impl Into<Arc<Scene>>,
         settings: &Settings,
@@ -160,8 +165,15 @@ impl Session {
             });
         }
         let passes = options.passes.unwrap_or(0..settings.spp);
-        let pilot = options.pilot.unwrap_or(PilotPasses::of(settings.spp));
-        let render = Render::with_pilot(&scene, index, settings, crop, &options.outputs, pilot);
+        let outputs = &options.outputs;
+        let render = match options.choices {
+            Some(choices) => Render::with_choices(&scene, index, settings, crop, outputs, choices)
+                .ok_or(SessionError::Choices)?,
+            None => {
+                let pilot = options.pilot.unwrap_or(PilotPasses::of(settings.spp));
+                Render::with_pilot(&scene, index, settings, crop, outputs, pilot)
+            }
+        };
         Ok(Self {
             staging: options.live.then(|| render.empty_outputs()),
             flight: None,

@@ -19,6 +19,7 @@ use crate::transport::aim::tries::{Origin, Tries};
 use crate::transport::connect::AimTally;
 use crate::transport::{Cone, Counters, PassSettings, Target};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Passes of the pilot.
@@ -52,7 +53,8 @@ const SEARCH: f64 = 1.5;
 const CHAIN: f64 = 1.5;
 
 /// Probabilities with which kinds of chains are tried, and how they were found.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "Written", try_from = "Written")]
 pub struct TriesChoice {
     /// The probabilities.
     pub tries: Tries,
@@ -62,6 +64,56 @@ pub struct TriesChoice {
     pub tried: usize,
     /// Number of all kinds.
     pub kinds: usize,
+}
+
+/// Tries as they are written: shares are powers of two, which text names exactly.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    kinds: usize,
+    samples: u64,
+    /// Origin by origin.
+    shares: Vec<f32>,
+}
+
+impl TriesChoice {
+    fn new(tries: Tries, samples: u64) -> Self {
+        let kinds = tries.kinds();
+        let is_tried = |kind: &usize| Origin::all().any(|o| tries.share(o, *kind) > 0.0);
+        Self {
+            tried: (0..kinds).filter(is_tried).count(),
+            tries,
+            samples,
+            kinds,
+        }
+    }
+}
+
+impl From<TriesChoice> for Written {
+    fn from(found: TriesChoice) -> Self {
+        Self {
+            kinds: found.kinds,
+            samples: found.samples,
+            shares: found.tries.shares().to_vec(),
+        }
+    }
+}
+
+impl TryFrom<Written> for TriesChoice {
+    type Error = &'static str;
+
+    fn try_from(written: Written) -> Result<Self, &'static str> {
+        let Written {
+            kinds,
+            samples,
+            shares,
+        } = written;
+        if kinds > shares.len() {
+            return Err("tries of chains without their shares");
+        }
+        let tries = Tries::new(kinds, shares).map_err(|_| "tries of chains that are none")?;
+        Ok(Self::new(tries, samples))
+    }
 }
 
 impl fmt::Display for TriesChoice {
@@ -171,14 +223,9 @@ pub fn choose(
         .collect();
     let samples = u64::from(PASSES) * pixels.len() as u64;
     let shares = Balance::new(&pixels, &needed(frame, kinds)).shares();
-    let is_tried = |kind: &usize| (0..Origin::COUNT).any(|o| shares[o * kinds + kind] > 0.0);
-    let tried = (0..kinds).filter(is_tried).count();
-    Some(TriesChoice {
-        tries: Tries::new(kinds, shares).expect("invariant: a share of each kind from each origin"),
-        samples,
-        tried,
-        kinds,
-    })
+    let tries =
+        Tries::new(kinds, shares).expect("invariant: a share of each kind from each origin");
+    Some(TriesChoice::new(tries, samples))
 }
 
 /// By origin and kind: whether the paths have no other technique that is sure to make them without

@@ -10,6 +10,7 @@
 //! Invariant: a function of scene, sensor, crop and settings without the seed and of a number of
 //! passes, counted and never timed, whatever the threads, so that all parts of a render agree.
 
+use super::choices::Written;
 use crate::film::Crop;
 use crate::integrator::{SensorJob, Workspace, sample_pixel};
 use crate::light::LightId;
@@ -21,6 +22,7 @@ use crate::transport::class::PathClass;
 use crate::transport::factors::{Cells, FactorKey, Factors};
 use crate::transport::{Cone, PassSettings, Target};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -71,7 +73,8 @@ impl PilotPasses {
 }
 
 /// Factors that the weights of a render count besides densities, and how they were found.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Written", into = "Written")]
 pub struct VarianceFactors {
     /// The factors.
     pub factors: Factors,
@@ -105,7 +108,7 @@ impl fmt::Display for VarianceFactors {
 
 /// Whether the weights of a render have variance factors: not where its strategies are all of one
 /// kind, and not where photons are merged. [theory (2.7)]
-fn has_factors(frame: &SensorJob) -> bool {
+pub(super) fn has_factors(frame: &SensorJob) -> bool {
     let strategies = &frame.strategies;
     frame.settings.heuristic == Heuristic::VarianceAware
         && strategies.merge.is_none()
@@ -190,7 +193,7 @@ fn direct_class() -> PathClass {
     class
 }
 
-fn cells(crop: Crop) -> Cells {
+pub(super) fn cells(crop: Crop) -> Cells {
     let mut cells = Cells {
         first: [crop.x0, crop.y0],
         size: [crop.width(), crop.height()],

@@ -53,6 +53,12 @@ impl PathClass {
         1 << self.length | self.specular as usize
     }
 
+    /// Whether each vertex is specular, from the light on.
+    pub fn labels(&self) -> impl Iterator<Item = bool> {
+        let specular = self.specular;
+        (0..self.length).map(move |i| i < 64 && specular & (1 << i) != 0)
+    }
+
     /// Whether any vertex is specular.
     #[must_use]
     pub fn has_specular(&self) -> bool {

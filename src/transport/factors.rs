@@ -85,6 +85,12 @@ impl FactorKey {
         self.class
     }
 
+    /// Number of the light of x₀; the last stands for all further ones.
+    #[must_use]
+    pub fn light(&self) -> u8 {
+        self.light
+    }
+
     /// Number of strategies that have a factor: all but t = 0.
     #[must_use]
     pub fn strategies(&self) -> usize {
@@ -140,6 +146,21 @@ impl Factors {
         self.first[key.number()] = self.values.len() as u32;
         self.values.extend_from_slice(values);
         Ok(())
+    }
+
+    /// Factors of a key as [`Factors::insert`] took them; none where it has none.
+    #[must_use]
+    pub fn of_key(&self, key: FactorKey) -> &[f32] {
+        match self.first.get(key.number()) {
+            None | Some(&NONE) => &[],
+            Some(&first) => &self.values[first as usize..][..self.cells.count() * key.strategies()],
+        }
+    }
+
+    /// The largest roulette threshold of each cell, in Y; empty: no bounds.
+    #[must_use]
+    pub fn roulette(&self) -> &[f32] {
+        &self.roulette
     }
 
     /// Sets the largest roulette threshold of each cell, in Y.

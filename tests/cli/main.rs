@@ -3,6 +3,7 @@
 mod develop;
 #[cfg(unix)]
 mod interrupts;
+mod job;
 mod measures;
 mod outputs;
 

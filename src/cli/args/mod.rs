@@ -3,6 +3,7 @@
 
 mod develop;
 mod images;
+mod job;
 mod lens;
 mod overrides;
 mod reports;
@@ -11,6 +12,7 @@ mod values;
 
 pub use develop::DevelopOptions;
 pub use images::{BandingOptions, CompareOptions, MergeOptions};
+pub use job::{CollectOptions, JobCommand, JobOptions, NewOptions, RunOptions, StatusOptions};
 pub use lens::{GlassOptions, LensOptions};
 pub use overrides::Overrides;
 pub use reports::CostOptions;
@@ -69,6 +71,8 @@ pub enum Command {
     Lens(Box<LensOptions>),
     /// Adds up part files of disjoint passes
     Merge(MergeOptions),
+    /// Renders that last: a folder of chunks that any number of processes work on
+    Job(Box<JobOptions>),
     /// Shows what sharing wavelengths and times in a pass does: photon merging beside bidirectional
     /// path tracing
     Banding(BandingOptions),

@@ -2,12 +2,19 @@
 
 use crate::develop::{Display, ToneCurve};
 use crate::film::Crop;
+use crate::job::claims::is_worker_name;
+use crate::job::freeze::ChunkLength;
+use crate::job::manifest::LEASES;
 use crate::math::banding::Axis;
 use crate::math::named::Named;
 use crate::scene::settings::{Aiming, FilterKind, Heuristic, IntegratorKind, Regularize, Sharing};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 use std::ops::Range;
+use std::time::Duration;
+
+/// Longest name of a worker that is given.
+const LONGEST_NAME: usize = 60;
 
 /// Makes choices with names values of options, by the same names.
 macro_rules! value_enum {
@@ -118,6 +125,47 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|s| s.is_finite())
         .ok_or_else(|| "expected a time above 0 such as 10s, 2m or 1h".to_owned())
+}
+
+/// Length of chunks: a time, or a whole number of passes.
+pub(super) fn chunk(text: &str) -> Result<ChunkLength, String> {
+    let length = match text.parse() {
+        Ok(passes) => (passes > 0).then_some(ChunkLength::Passes(passes)),
+        Err(_) => {
+            let time = seconds(text).ok();
+            let time = time.and_then(|s| Duration::try_from_secs_f64(s).ok());
+            time.map(ChunkLength::Time)
+        }
+    };
+    length.ok_or_else(|| {
+        "expected a time such as 90s, 10m or 1h, or a number of passes above 0".to_owned()
+    })
+}
+
+/// A time within which a worker shows that it lives.
+pub(super) fn lease(text: &str) -> Result<Duration, String> {
+    let allowed = LEASES[0].as_secs_f64()..=LEASES[1].as_secs_f64();
+    let time = seconds(text).ok().filter(|s| allowed.contains(s));
+    time.map(Duration::from_secs_f64)
+        .ok_or_else(|| "expected a time from 0.2s to 24h such as 60s or 5m".to_owned())
+}
+
+/// The name of a worker.
+pub(super) fn worker(text: &str) -> Result<String, String> {
+    let is_name = text.len() <= LONGEST_NAME && is_worker_name(text);
+    is_name.then(|| text.to_owned()).ok_or_else(|| {
+        format!("expected 1 to {LONGEST_NAME} letters, digits, \"-\", \"_\" and \".\"")
+    })
+}
+
+/// Chunks A..B.
+pub(super) fn chunks(text: &str) -> Result<Range<u32>, String> {
+    let parsed = text
+        .split_once("..")
+        .and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
+    parsed
+        .filter(|r: &Range<u32>| r.start < r.end)
+        .ok_or_else(|| "expected A..B with 0 <= A < B: the chunks A, A+1, ..., B-1".to_owned())
 }
 
 pub(super) fn pixel(text: &str) -> Result<[u32; 2], String> {

@@ -15,9 +15,9 @@ pub fn merge(parts: impl IntoIterator<Item = Part>) -> Result<Part, PartError> {
 ///
 /// # Errors
 /// As [`merge`], and the first error of `parts`.
-pub fn merge_each(
-    parts: impl IntoIterator<Item = Result<Part, PartError>>,
-) -> Result<Part, PartError> {
+pub fn merge_each<E: From<PartError>>(
+    parts: impl IntoIterator<Item = Result<Part, E>>,
+) -> Result<Part, E> {
     let mut parts = parts.into_iter();
     let mut total = parts.next().ok_or(PartError::Empty)??;
     (total.header.unfinished, total.unfinished) = (None, None);
@@ -30,6 +30,36 @@ pub fn merge_each(
         total.header.passes = join(&total.header.passes, &part.header.passes)?;
     }
     Ok(total)
+}
+
+/// Whether a part is the one that is expected, its passes and the program's version included.
+///
+/// # Errors
+/// The first thing that differs, of both.
+pub fn check_identical(expected: &PartHeader, found: &PartHeader) -> Result<(), PartError> {
+    let differ = |what, first: String, second: String| PartError::Mismatch {
+        what,
+        first,
+        second,
+    };
+    if expected.version != found.version {
+        let [first, second] = [expected, found].map(|h| h.version.clone());
+        return Err(differ("version of the program", first, second));
+    }
+    check_same(expected, found)?;
+    let passes = |h: &PartHeader| {
+        let range = |p: &PassRange| format!("{}..{} of seed {}", p.start, p.end, p.seed);
+        h.passes.iter().map(range).collect::<Vec<_>>().join(", ")
+    };
+    if expected.passes != found.passes || found.unfinished.is_some() {
+        let [first, second] = [expected, found].map(passes);
+        return Err(differ("passes", first, second));
+    }
+    if expected.image != found.image {
+        let [first, second] = [expected, found].map(|h| format!("{:?}", h.image));
+        return Err(differ("attributes", first, second));
+    }
+    Ok(())
 }
 
 fn check_same(a: &PartHeader, b: &PartHeader) -> Result<(), PartError> {

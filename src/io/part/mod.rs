@@ -6,8 +6,8 @@
 mod format;
 mod merge;
 
-pub use format::{fuzz_part, is_part, read, write};
-pub use merge::{merge, merge_each};
+pub use format::{fuzz_part, is_part, read, read_as, write, write_packed};
+pub use merge::{check_identical, merge, merge_each};
 
 use super::atomic::FileError;
 use super::identity;
@@ -102,7 +102,11 @@ impl PartHeader {
             .checked_mul(HALVES)
     }
 
-    fn check(&self) -> Result<(), &'static str> {
+    /// Whether it can be that of a part.
+    ///
+    /// # Errors
+    /// Fault, in words.
+    pub fn check(&self) -> Result<(), &'static str> {
         let [x0, y0, x1, y1] = self.crop;
         if x0 >= x1 || y0 >= y1 || x1 > self.width || y1 > self.height {
             return Err("the crop is empty or outside the film");

@@ -99,6 +99,18 @@ impl Tries {
         })
     }
 
+    /// Number of kinds.
+    #[must_use]
+    pub fn kinds(&self) -> usize {
+        self.kinds
+    }
+
+    /// All probabilities, origin by origin.
+    #[must_use]
+    pub fn shares(&self) -> &[f32] {
+        &self.shares
+    }
+
     /// Probability of a kind.
     #[must_use]
     pub fn share(&self, origin: Origin, kind: usize) -> f64 {

@@ -1,0 +1,80 @@
+//! `abbe job collect`: the image of what is done.
+
+use super::counted;
+use super::run::damage;
+use crate::cli::args::CollectOptions;
+use crate::cli::image_output::{check_ending, preview_path, write_image};
+use crate::cli::{CliError, Outcome, print, tell};
+use crate::io::destination::Claims;
+use crate::io::part::Part;
+use crate::io::{image, part};
+use crate::job::Folder;
+use crate::job::status::error_of;
+
+/// Runs the command.
+pub fn run(options: &CollectOptions) -> Result<Outcome, CliError> {
+    let job = Folder::open(&options.job)?;
+    let preview = (!options.no_preview).then(|| preview_path(&options.output));
+    check_ending(&options.output)?;
+    let mut claims = Claims::of_inputs([options.job.join("job.json")]);
+    let outputs = [
+        Some(&options.output),
+        preview.as_ref(),
+        options.part.as_ref(),
+    ];
+    for path in outputs.into_iter().flatten() {
+        claims.output(path)?;
+    }
+    let Some(sum) = job.sum(|found| tell(&damage(found)))? else {
+        let text = "no chunk is done yet: there is no image".to_owned();
+        return Err(CliError::Failed(text));
+    };
+    if options.remove {
+        check_finished(&job, &sum)?;
+    }
+    let (preview, exposure) = (preview.as_deref(), options.exposure);
+    let preview = write_image(&options.output, &image::of_part(&sum)?, preview, exposure)?;
+    if let Some(path) = &options.part {
+        part::write(path, &sum)?;
+    }
+    let passes = sum.header.pass_count();
+    let status = job.status()?;
+    if !options.quiet {
+        let all = match status.passes {
+            Some(all) if u64::from(all) > passes => format!(" of {all}"),
+            _ => String::new(),
+        };
+        let passes = counted(passes, "pass", "passes");
+        print(&format!("{}: {passes}{all}\n", options.output.display()))?;
+        if let Some(text) = preview {
+            print(&format!("  preview   {text}\n"))?;
+        }
+    }
+    if options.remove {
+        job.remove()?;
+    } else {
+        // on a disk that is only read, nothing is removed
+        _ = job.sweep(job.manifest.lease_ms);
+    }
+    Ok(Outcome::Done)
+}
+
+/// Whether a job is as good as it gets, and nobody works on it.
+fn check_finished(job: &Folder, sum: &Part) -> Result<(), CliError> {
+    let status = job.status()?;
+    let error = error_of(sum)?.map(|e| e.relative);
+    let target = job.manifest.target_error.map(|t| t.0);
+    let is_reached = error
+        .zip(target)
+        .is_some_and(|(error, target)| error <= target);
+    let is_complete = status.chunks == Some(status.done);
+    let at_work = status.workers.iter().filter(|w| !w.is_dead).count();
+    if at_work > 0 || !(is_complete || is_reached) {
+        let workers = counted(at_work as u64, "worker is", "workers are");
+        return Err(CliError::Failed(format!(
+            "--remove: the job is not finished ({} chunks done, {workers} at work)",
+            status.done
+        )));
+    }
+    Ok(())
+}
