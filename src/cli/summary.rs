@@ -50,6 +50,9 @@ pub fn regularization(render: &Render) -> String {
     if let Some(found) = render.factors() {
         _ = writeln!(text, "  {:<14} {:<4} {found}", "weights", "");
     }
+    if let Some(found) = render.choices().effort {
+        _ = writeln!(text, "  {:<14} {:<4} {found}", "effort", "");
+    }
     text
 }
 

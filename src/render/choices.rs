@@ -2,10 +2,11 @@
 //! merging, the variance factors of the weights, the roulette threshold. All passes share them, so
 //! that who renders some of the passes elsewhere can be told them instead of finding them again.
 
+use super::effort::has_choice;
 use super::variance::{self, cells, has_factors};
 use super::{
-    EpsilonChoice, PilotPasses, RadiusChoice, TriesChoice, VarianceFactors, epsilon, merging,
-    pilot, tries,
+    EffortChoice, EpsilonChoice, PilotPasses, RadiusChoice, TriesChoice, VarianceFactors, effort,
+    epsilon, merging, pilot, tries,
 };
 use crate::film::Crop;
 use crate::integrator::SensorJob;
@@ -29,6 +30,8 @@ pub struct Choices {
     pub tries: Option<TriesChoice>,
     /// Variance factors of the weights, where they have any.
     pub factors: Option<VarianceFactors>,
+    /// Light sub-paths and pairs of a sample, where they are chosen.
+    pub effort: Option<EffortChoice>,
     /// Share of contributions below which roulette decides on their shadow rays, in Y.
     #[serde(with = "exact")]
     pub roulette_threshold: f64,
@@ -49,12 +52,15 @@ impl Choices {
         let mut aiming = frame;
         aiming.strategies.tries = tries.as_ref().map(|found| &found.tries);
         let factors = variance::choose(&aiming, crop, cone, response, pilot);
+        let given = factors.as_ref().map(|found| &found.factors);
+        let effort = effort::choose(&aiming, given, crop, cone, response, pilot);
         let roulette_threshold = pilot::roulette_threshold(&aiming, cone, response);
         Self {
             epsilon,
             radius,
             tries,
             factors,
+            effort,
             roulette_threshold,
         }
     }
@@ -66,6 +72,7 @@ impl Choices {
             radius,
             tries,
             factors,
+            effort,
             roulette_threshold,
         } = self;
         let is_positive = |v: f64| v > 0.0 && v.is_finite();
@@ -78,6 +85,10 @@ impl Choices {
             && factors.is_some() == has_factors(frame)
             && epsilon.as_ref().is_none_or(|e| is_positive(e.epsilon))
             && radius.as_ref().is_none_or(|r| is_positive(r.radius))
+            && effort.as_ref().is_none_or(|e| {
+                let in_range = |v: f64, most: f64| v > 0.0 && v <= most;
+                has_choice(frame) && in_range(e.light_paths, 16.0) && in_range(e.pairs, 1.0)
+            })
             && *roulette_threshold >= 0.0
             && factors.as_ref().is_none_or(|found| {
                 let (has, own) = (found.factors.cells(), cells(crop));

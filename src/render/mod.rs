@@ -3,6 +3,7 @@
 pub mod bias;
 pub mod choices;
 pub mod clock;
+pub mod effort;
 pub mod epsilon;
 pub mod error;
 pub mod flux;
@@ -20,6 +21,7 @@ pub mod tries;
 pub mod variance;
 
 pub use choices::Choices;
+pub use effort::EffortChoice;
 pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;
 pub use flux::{Flux, Total};
@@ -166,6 +168,10 @@ impl Render {
         let choices = &self.choices;
         frame.strategies.tries = choices.tries.as_ref().map(|found| &found.tries);
         frame.strategies.factors = choices.factors.as_ref().map(|found| &found.factors);
+        if let Some(effort) = &choices.effort {
+            frame.strategies.pairs = effort.pairs;
+            frame.strategies.set_light_paths(effort.light_paths);
+        }
         frame
     }
 

@@ -9,7 +9,7 @@
 //! the pilot, counted and never timed, whatever the threads, so that all parts of a render agree.
 
 use super::PilotPasses;
-use super::pilot::lattice;
+use super::pilot::{Regions, SHADOW, lattice, price};
 use crate::film::Crop;
 use crate::integrator::{SensorJob, Workspace, sample_pixel};
 use crate::math::hash::combine;
@@ -34,21 +34,12 @@ const PIXELS_SHARE: u64 = 8;
 /// the pilot has not seen.
 const SHARES: [f64; 6] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.0];
 const UNSEEN: f64 = 0.0625;
-/// Regions along each side of the crop, whose brightness errors are relative to, and the share of
-/// the mean brightness that is added to it.
-const REGIONS: u32 = 12;
-const DARK: f64 = 0.1;
 /// Share of the samples that are left out of what others scatter, the largest ones.
 const TRIMMED: f64 = 1e-3;
 /// Rounds of the search.
 const ROUNDS: usize = 4;
 
-/// Prices, in units of a microsecond of a core of 2020: of a path pair, a ray that looks for the
-/// closest hit with the vertex there, a shadow ray, a connection, a search, a chain found.
-const PAIR: f64 = 1.0;
-const CLOSEST: f64 = 0.5;
-const SHADOW: f64 = 0.2;
-const CONNECTION: f64 = 0.1;
+/// Prices of a search and of a chain found, beside those of [`price`].
 const SEARCH: f64 = 1.5;
 const CHAIN: f64 = 1.5;
 
@@ -181,6 +172,7 @@ pub fn choose(
     let most = most.map_or(0, |(_, pixels)| *pixels);
     let count = (crop.pixels() / PIXELS_SHARE).clamp(1, most) as usize;
     let pixels: Vec<(u32, u32)> = lattice(&crop).take(count).collect();
+    let regions = Regions::new(crop);
     let pixels: Vec<Pixel> = pixels
         .into_par_iter()
         .map_init(Workspace::default, |workspace, pixel| {
@@ -197,8 +189,8 @@ pub fn choose(
                 for made in &workspace.contributions {
                     let value = response.brightness(&made.lanes);
                     let region = match made.target {
-                        Target::OwnPixel => region(&crop, f64::from(pixel.0), f64::from(pixel.1)),
-                        Target::Splat(raster) => region(&crop, raster.x, raster.y),
+                        Target::OwnPixel => regions.at(f64::from(pixel.0), f64::from(pixel.1)),
+                        Target::Splat(raster) => regions.at(raster.x, raster.y),
                     };
                     match (made.aimed, made.target) {
                         (Some(aimed), _) => sample.bridges.push(Made {
@@ -214,7 +206,7 @@ pub fn choose(
                 sample
             });
             Pixel {
-                region: region(&crop, f64::from(pixel.0), f64::from(pixel.1)),
+                region: regions.at(f64::from(pixel.0), f64::from(pixel.1)),
                 samples: samples.collect(),
                 tally: workspace.aims().to_vec(),
                 counters: workspace.counters,
@@ -222,7 +214,7 @@ pub fn choose(
         })
         .collect();
     let samples = u64::from(PASSES) * pixels.len() as u64;
-    let shares = Balance::new(&pixels, &needed(frame, kinds)).shares();
+    let shares = Balance::new(&pixels, &needed(frame, kinds), regions).shares();
     let tries =
         Tries::new(kinds, shares).expect("invariant: a share of each kind from each origin");
     Some(TriesChoice::new(tries, samples))
@@ -241,15 +233,6 @@ fn needed(frame: &SensorJob, kinds: usize) -> Vec<bool> {
         .collect()
 }
 
-/// The region of the crop that a raster position is in, or the nearest.
-fn region(crop: &Crop, x: f64, y: f64) -> usize {
-    let along = |x: f64, first: u32, size: u32| {
-        let share = (x - f64::from(first)) / f64::from(size);
-        (share * f64::from(REGIONS)).clamp(0.0, f64::from(REGIONS - 1)) as usize
-    };
-    along(y, crop.y0, crop.height()) * REGIONS as usize + along(x, crop.x0, crop.width())
-}
-
 /// Variance and cost of a sample, as functions of the probabilities.
 struct Balance {
     /// Variance of what is no bridge's, relative to the brightness around.
@@ -262,31 +245,20 @@ struct Balance {
 }
 
 impl Balance {
-    fn new(pixels: &[Pixel], needed: &[bool]) -> Self {
-        let regions = (REGIONS * REGIONS) as usize;
+    fn new(pixels: &[Pixel], needed: &[bool], mut regions: Regions) -> Self {
         let count = (pixels.len() * PASSES as usize).max(1) as f64;
-        let (mut light, mut places) = (vec![0.0; regions], vec![0.0; regions]);
         for pixel in pixels {
-            places[pixel.region] += f64::from(PASSES);
+            regions.add_samples(pixel.region, PASSES);
             for sample in &pixel.samples {
-                light[pixel.region] += sample.own;
+                regions.add_light(pixel.region, sample.own);
                 let splats = sample.splats.iter().copied();
                 let bridges = sample.bridges.iter().map(|made| (made.value, made.region));
                 splats
                     .chain(bridges)
-                    .for_each(|(value, at)| light[at] += value);
+                    .for_each(|(value, at)| regions.add_light(at, value));
             }
         }
-        let mean = light.iter().sum::<f64>() / count;
-        // variance per squared brightness
-        let scale: Vec<f64> = light
-            .iter()
-            .zip(&places)
-            .map(|(light, places)| {
-                let here = if *places > 0.0 { light / places } else { mean };
-                1.0 / (here * here + (DARK * mean).powi(2)).max(f64::MIN_POSITIVE)
-            })
-            .collect();
+        let scale = regions.scale();
         let mut others: Vec<f64> = Vec::new();
         let mut aims = vec![([0.0; SHARES.len()], 0.0); needed.len()];
         let mut counters = Counters::default();
@@ -317,10 +289,10 @@ impl Balance {
         }
         others.sort_by(f64::total_cmp);
         let kept = others.len() - (TRIMMED * others.len() as f64).ceil() as usize;
-        let cost = PAIR * counters.paths as f64
-            + CLOSEST * counters.closest_rays as f64
-            + SHADOW * (counters.shadow_rays - tallies.rays) as f64
-            + CONNECTION * (counters.connections_tried - tallies.solved) as f64;
+        // what chains cost is told apart
+        counters.shadow_rays -= tallies.rays;
+        counters.connections_tried -= tallies.solved;
+        let cost = price(&counters);
         Self {
             others: others[..kept].iter().sum::<f64>() / count,
             cost: cost / count,

@@ -64,6 +64,12 @@ impl PilotPasses {
         lengths.into_iter().find(|&p| p == passes).map(Self)
     }
 
+    /// Whether the render is long enough for a pilot of full length.
+    #[must_use]
+    pub fn is_full(self) -> bool {
+        self.0 == PASSES[0].1
+    }
+
     /// For a render of so many samples per pixel.
     #[must_use]
     pub fn of(spp: u32) -> Self {

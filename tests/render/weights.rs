@@ -1,6 +1,6 @@
-//! The mean does not depend on how strategies are weighted: `path` against `bdpt` under every
-//! heuristic and under random variance factors of 1 to 100 for every strategy, with and without
-//! cones.
+//! The mean does not depend on how strategies are weighted or how often they are executed: `path`
+//! against `bdpt` under every heuristic, under random variance factors of 1 to 100 for every
+//! strategy, and with few or many light sub-paths and pairs, with and without cones.
 //!
 //! A comparison resolves 1 % of the mean and fails beyond 4.5 standard errors of the difference. A
 //! numerator without its factor would move the mean by tens of percent.
@@ -139,6 +139,18 @@ fn every_weighting_has_the_same_mean() {
         let what = format!("random factors, {heuristic}");
         compare("weights", &what, &path, &found, RESOLUTION);
     }
+    let effort = |settings: &Settings, light_paths, pairs| Settings {
+        light_paths: Some(light_paths),
+        pair_probability: Some(pairs),
+        ..settings.clone()
+    };
+    let efforts = [(0.0625, 0.25), (0.3, 1.0), (2.0, 0.25), (2.5, 0.7)];
+    for (light_paths, pairs) in efforts {
+        let settings = effort(&settings, light_paths, pairs);
+        let found = mean(&scene, &settings, passes, None);
+        let what = format!("{light_paths} light sub-paths, {pairs} of the pairs");
+        compare("weights", &what, &path, &found, RESOLUTION);
+    }
     // with cones narrow enough to leave no bias that would be resolved
     let mut regularized = settings.clone();
     regularized.regularization.mode = Regularize::Mis;
@@ -150,4 +162,57 @@ fn every_weighting_has_the_same_mean() {
         let found = mean(&scene, &regularized, passes, factors);
         compare("weights", what, &path, &found, RESOLUTION);
     }
+    let few = mean(&scene, &effort(&regularized, 0.3, 0.25), passes, None);
+    compare(
+        "weights",
+        "cones, few light sub-paths",
+        &path,
+        &few,
+        RESOLUTION,
+    );
+}
+
+/// Where light sub-paths and what they cost bring nothing, few are taken; where they make what is
+/// seen, none are left out.
+#[test]
+fn light_sub_paths_are_taken_where_they_pay() {
+    let sky = r#"
+[[light]]
+environment = { radiance = 1 }
+"#;
+    let lamp = r#"
+[medium.flint]
+glass = "schott:N-SF11"
+[material.glass]
+dielectric = {}
+[[object]]
+sphere = { center = [0, 0.6, 0], radius = 0.4 }
+material = "glass"
+interior = "flint"
+[[object]]
+sphere = { center = [0, 3, 0], radius = 0.05 }
+emission = 100
+"#;
+    let of = |lights: &str| {
+        let floor = r#"
+[[sensor]]
+resolution = [320, 240]
+perspective = { eye = [0, 1.5, 2], target = [0, 0, 0], fov_deg = 40 }
+[material.white]
+diffuse = { reflectance = 0.6 }
+[[object]]
+quad = { center = [0, 0, 0], u = [4, 0, 0], v = [0, 0, -4] }
+material = "white"
+[[object]]
+sphere = { center = [0.9, 0.3, 0.2], radius = 0.3 }
+material = "white"
+"#;
+        let (scene, settings) = scene(&format!("{floor}{lights}"));
+        let crop = full_crop(&scene);
+        let render = Render::new(&scene, 0, &settings, crop, &OutputRequest::default());
+        render.choices().effort.expect("a pilot of full length")
+    };
+    let (under_sky, under_glass) = (of(sky), of(lamp));
+    assert!(under_sky.light_paths < 1.0, "{under_sky}");
+    assert!(under_glass.light_paths >= 1.0, "{under_glass}");
 }
