@@ -5,5 +5,5 @@ pub mod sample;
 pub mod strategies;
 
 pub use photons::PhotonTracer;
-pub use sample::{SensorJob, Workspace, sample_and_merge, sample_pixel};
+pub use sample::{LightWalks, SensorJob, Workspace, sample_and_merge, sample_pixel};
 pub use strategies::{aims, strategies};

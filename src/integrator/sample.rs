@@ -25,6 +25,18 @@ use crate::transport::{
 };
 use glam::DVec2;
 
+/// Light sub-paths that a sample traces. Whatever it is, the strategies that take them count in the
+/// weights as often as the strategies say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightWalks {
+    /// As many as the strategies say.
+    AsOften,
+    /// None, as if none had left its light (pilots).
+    Never,
+    /// One (pilots).
+    Once,
+}
+
 /// Job of rendering a sensor: what all its samples share.
 #[derive(Clone, Debug)]
 pub struct SensorJob<'a> {
@@ -42,9 +54,8 @@ pub struct SensorJob<'a> {
     pub with_raw: bool,
     /// Note every merged photon on its own (for what is kept by path class).
     pub detailed: bool,
-    /// Light sub-paths are not traced, as if none had left its light: the strategies that take them
-    /// count in the weights and make nothing (pilots).
-    pub camera_only: bool,
+    /// Light sub-paths that are traced.
+    pub light_walks: LightWalks,
     /// Light sub-paths of a pass, by the wavelength of its set that is their hero.
     light_paths: Vec<u64>,
 }
@@ -82,7 +93,7 @@ impl<'a> SensorJob<'a> {
             regularization: decision,
             with_raw,
             detailed: with_raw,
-            camera_only: false,
+            light_walks: LightWalks::AsOften,
             light_paths: light_paths(crop, heroes),
         }
     }
@@ -336,10 +347,11 @@ pub fn sample_and_merge(
         joiner.aim_at_light(camera, j);
     }
     joiner.hit_environment(camera);
-    let light_paths = if job.camera_only || !strategies.wants_light_walk() {
-        0
-    } else {
-        light_paths_of(&sampler, strategies.light_paths)
+    let light_paths = match job.light_walks {
+        _ if !strategies.wants_light_walk() => 0,
+        LightWalks::Never => 0,
+        LightWalks::Once => 1,
+        LightWalks::AsOften => light_paths_of(&sampler, strategies.light_paths),
     };
     for path in 0..light_paths {
         // the first takes the numbers of the sample, any others have their own

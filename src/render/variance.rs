@@ -12,7 +12,7 @@
 
 use super::choices::Written;
 use crate::film::Crop;
-use crate::integrator::{SensorJob, Workspace, sample_pixel};
+use crate::integrator::{LightWalks, SensorJob, Workspace, sample_pixel};
 use crate::light::LightId;
 use crate::math::hash::combine;
 use crate::scene::Settings;
@@ -149,7 +149,7 @@ pub fn choose(
         let mut job = SensorJob::new(frame.scene, frame.sensor, settings, &crop, false);
         job.strategies.tries = frame.strategies.tries;
         job.detailed = true;
-        job.camera_only = true;
+        job.light_walks = LightWalks::Never;
         job
     });
     let pilot = Pilot {
