@@ -36,7 +36,7 @@ const MAX_LINES: usize = 700;
 /// Lines that a reader takes in before the first render.
 const README_LINES: usize = 150;
 /// Crates that only some files may name, so that replacing one touches only those.
-const CRATES: [(&str, &[&str]); 13] = [
+const CRATES: [(&str, &[&str]); 15] = [
     ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
@@ -52,6 +52,8 @@ const CRATES: [(&str, &[&str]); 13] = [
     ("gltf", &["io/gltf/"]),
     ("moxcms", &["io/image_file/icc.rs"]),
     ("clap", &["cli/"]),
+    ("clap_complete", &["cli/"]),
+    ("clap_mangen", &["cli/"]),
     ("console", &["cli/"]),
     ("ctrlc", &["cli/"]),
     ("indicatif", &["cli/"]),

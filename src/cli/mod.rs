@@ -17,8 +17,10 @@ mod info;
 mod interrupt;
 mod keys;
 mod lens;
+mod manual;
 mod memory;
 mod merge;
+mod new;
 mod progress;
 mod render;
 mod save;
@@ -34,7 +36,7 @@ pub use error::CliError;
 use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::process::ExitCode;
-use terminal::{print, tell};
+use terminal::{print, print_raw, tell};
 
 /// Exit code of a render that was interrupted and whose image so far was saved.
 const INTERRUPTED: u8 = 130;
@@ -78,6 +80,9 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Merge(options) => merge::run(&options),
         Command::Banding(options) => banding::run(&options),
         Command::Convert(options) => convert::run(&options),
+        Command::New(options) => new::run(&options),
+        Command::Completions(options) => manual::completions(&options),
+        Command::Man(options) => manual::man(&options),
     };
     match outcome {
         Ok(Outcome::Done) => 0,

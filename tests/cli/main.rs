@@ -1,5 +1,6 @@
 //! Runs the `abbe` program: exit codes, messages, files, interrupts, merging.
 
+mod beginning;
 mod develop;
 #[cfg(unix)]
 mod interrupts;

@@ -1,6 +1,7 @@
 //! The options of every command. Values are checked as they are parsed, so that wrong ones are
 //! usage errors that say what is allowed.
 
+mod beginning;
 mod develop;
 mod images;
 mod lens;
@@ -9,6 +10,7 @@ mod reports;
 mod scene;
 mod values;
 
+pub use beginning::{CompletionsOptions, ManOptions, NewOptions, Template};
 pub use develop::DevelopOptions;
 pub use images::{BandingOptions, CompareOptions, MergeOptions};
 pub use lens::{GlassOptions, LensOptions};
@@ -39,7 +41,7 @@ fn long_version() -> &'static str {
 
 /// Spectral bidirectional path tracer for dispersive glass and correct color.
 #[derive(Debug, Parser)]
-#[command(name = "abbe", version = long_version(), disable_help_subcommand = true)]
+#[command(name = "abbe", version = long_version())]
 pub struct Arguments {
     /// Command to carry out.
     #[command(subcommand)]
@@ -74,6 +76,12 @@ pub enum Command {
     Banding(BandingOptions),
     /// Writes an editable scene file that refers to a model
     Convert(ConvertOptions),
+    /// Writes a commented scene to begin with
+    New(NewOptions),
+    /// Prints a script that completes commands and options in a shell
+    Completions(CompletionsOptions),
+    /// Writes the manual pages
+    Man(ManOptions),
 }
 
 /// Options of `abbe keys`.

@@ -1,5 +1,6 @@
 //! The values that options take: names, and parsers that say what is allowed.
 
+use super::Template;
 use crate::develop::{Display, ToneCurve};
 use crate::film::Crop;
 use crate::math::banding::Axis;
@@ -24,6 +25,7 @@ macro_rules! value_enum {
     };
 }
 value_enum!(
+    Template,
     Aiming,
     IntegratorKind,
     Heuristic,
