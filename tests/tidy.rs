@@ -36,7 +36,7 @@ const MAX_LINES: usize = 700;
 /// Lines that a reader takes in before the first render.
 const README_LINES: usize = 150;
 /// Crates that only some files may name, so that replacing one touches only those.
-const CRATES: [(&str, &[&str]); 15] = [
+const CRATES: [(&str, &[&str]); 18] = [
     ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
@@ -56,6 +56,9 @@ const CRATES: [(&str, &[&str]); 15] = [
     ("clap_mangen", &["cli/"]),
     ("console", &["cli/"]),
     ("ctrlc", &["cli/"]),
+    ("tev_client", &["cli/tev.rs"]),
+    ("httparse", &["cli/view/"]),
+    ("getrandom", &["cli/view/"]),
     ("indicatif", &["cli/"]),
     ("signal_hook", &["cli/"]),
 ];

@@ -27,8 +27,11 @@ mod save;
 mod stats;
 mod summary;
 mod terminal;
+mod tev;
 mod threads;
 mod usage;
+#[cfg(feature = "view")]
+mod view;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -83,6 +86,8 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::New(options) => new::run(&options),
         Command::Completions(options) => manual::completions(&options),
         Command::Man(options) => manual::man(&options),
+        #[cfg(feature = "view")]
+        Command::View(options) => view::run(&options),
     };
     match outcome {
         Ok(Outcome::Done) => 0,

@@ -9,6 +9,8 @@ mod overrides;
 mod reports;
 mod scene;
 mod values;
+#[cfg(feature = "view")]
+mod view;
 
 pub use beginning::{CompletionsOptions, ManOptions, NewOptions, Template};
 pub use develop::DevelopOptions;
@@ -17,6 +19,9 @@ pub use lens::{GlassOptions, LensOptions};
 pub use overrides::Overrides;
 pub use reports::CostOptions;
 pub use scene::{ConvertOptions, InfoOptions, RenderOptions};
+
+#[cfg(feature = "view")]
+pub use view::ViewOptions;
 
 use crate::io::identity::VERSION;
 use clap::{Args, Parser, Subcommand};
@@ -63,6 +68,9 @@ pub enum Command {
     /// Makes a picture of an image or part: exposure, tone curve, white balance, gamut of the
     /// display
     Develop(Box<DevelopOptions>),
+    /// Shows a scene while it renders, or an image, as a page in the browser
+    #[cfg(feature = "view")]
+    View(ViewOptions),
     /// Shows the refractive index of a glass
     Glass(GlassOptions),
     /// Prints the reference of all keys of scene files

@@ -122,6 +122,16 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a time above 0 such as 10s, 2m or 1h".to_owned())
 }
 
+/// A host and a port, which are looked for later.
+pub(super) fn host_and_port(text: &str) -> Result<String, String> {
+    let parts = text.rsplit_once(':');
+    let sound = parts.is_some_and(|(host, port)| {
+        !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port > 0)
+    });
+    let wrong = || "expected HOST:PORT such as 127.0.0.1:14158".to_owned();
+    sound.then(|| text.to_owned()).ok_or_else(wrong)
+}
+
 pub(super) fn pixel(text: &str) -> Result<[u32; 2], String> {
     text.split_once(',')
         .and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]))
