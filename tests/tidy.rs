@@ -36,7 +36,7 @@ const MAX_LINES: usize = 700;
 /// Lines that a reader takes in before the first render.
 const README_LINES: usize = 150;
 /// Crates that only some files may name, so that replacing one touches only those.
-const CRATES: [(&str, &[&str]); 15] = [
+const CRATES: [(&str, &[&str]); 20] = [
     ("obvhs", &["geometry/tree_build.rs"]),
     (
         "toml",
@@ -54,8 +54,13 @@ const CRATES: [(&str, &[&str]); 15] = [
     ("flate2", &["io/part/format.rs"]),
     ("sha2", &["job/freeze.rs"]),
     ("clap", &["cli/"]),
+    ("clap_complete", &["cli/"]),
+    ("clap_mangen", &["cli/"]),
     ("console", &["cli/"]),
     ("ctrlc", &["cli/"]),
+    ("tev_client", &["cli/tev.rs"]),
+    ("httparse", &["cli/view/"]),
+    ("getrandom", &["cli/view/"]),
     ("indicatif", &["cli/"]),
     ("signal_hook", &["cli/"]),
 ];

@@ -25,7 +25,9 @@ pub struct Need {
 }
 
 impl Need {
-    fn total(&self) -> u64 {
+    /// All of it.
+    #[must_use]
+    pub fn total(&self) -> u64 {
         let rest = [self.films, self.saving, self.photons];
         rest.into_iter().fold(self.loaded, u64::saturating_add)
     }

@@ -18,16 +18,21 @@ mod interrupt;
 mod job;
 mod keys;
 mod lens;
+mod manual;
 mod memory;
 mod merge;
+mod new;
 mod progress;
 mod render;
 mod save;
 mod stats;
 mod summary;
 mod terminal;
+mod tev;
 mod threads;
 mod usage;
+#[cfg(feature = "view")]
+mod view;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -35,7 +40,7 @@ pub use error::CliError;
 use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::process::ExitCode;
-use terminal::{print, tell};
+use terminal::{print, print_raw, tell};
 
 /// Exit code of a render that was interrupted and whose image so far was saved.
 const INTERRUPTED: u8 = 130;
@@ -80,6 +85,11 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Merge(options) => merge::run(&options),
         Command::Banding(options) => banding::run(&options),
         Command::Convert(options) => convert::run(&options),
+        Command::New(options) => new::run(&options),
+        Command::Completions(options) => manual::completions(&options),
+        Command::Man(options) => manual::man(&options),
+        #[cfg(feature = "view")]
+        Command::View(options) => view::run(&options),
     };
     match outcome {
         Ok(Outcome::Done) => 0,

@@ -5,9 +5,10 @@ use super::args::RenderOptions;
 use super::image_output::{check_ending, preview_path};
 use super::interrupt::{self, Interrupts};
 use super::memory::{self, Need};
-use super::progress::Progress;
+use super::progress::{Progress, Waiting};
 use super::save::{self, Saver, Targets};
 use super::stats;
+use super::tev::Viewer;
 use super::{CliError, Outcome, print, summary, tell, threads};
 use crate::film::Crop;
 use crate::io::destination::Claims;
@@ -60,8 +61,13 @@ struct Begun {
 /// Runs the command.
 pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
     options.moment.check(&options.scene)?;
+    let waiting = Waiting::new(
+        format!("loading {}", options.scene.display()),
+        options.quiet,
+    );
     let load = || loaded::load(&options.scene, &options.scene_overrides());
     let loaded = memory::guarded(options.max_memory, load)??;
+    drop(waiting);
     let sensors = chosen_sensors(options, &loaded)?;
     let targets: Vec<Targets> = sensors
         .iter()
@@ -107,7 +113,7 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         need,
         printed: RefCell::new(Ok(())),
     };
-    job.say(|| summary::effects(&loaded.scene.effects));
+    job.explain(|| summary::effects(&loaded.scene.effects));
     let threads = pool.current_num_threads();
     let (outcome, sensor_stats) = job.render_all(&sensors, &crops, &targets)?;
     if let Some(path) = &options.stats {
@@ -223,6 +229,13 @@ impl Job<'_> {
         }
     }
 
+    /// Says why things are as they are, where that is asked for.
+    fn explain(&self, text: impl FnOnce() -> String) {
+        if self.options.verbose {
+            self.say(text);
+        }
+    }
+
     fn render_all(
         &self,
         sensors: &[usize],
@@ -253,7 +266,13 @@ impl Job<'_> {
             options, loaded, ..
         } = self;
         let cpu_start = cpu_seconds();
-        let Some(begun) = self.begin(sensor, crop) else {
+        let name = &loaded.scene.sensors[sensor].name;
+        let viewer = options.tev.as_ref().map(|at| Viewer::connect(at, name));
+        let mut viewer = viewer.transpose()?;
+        let waiting = Waiting::new(format!("{name}: preparing"), options.quiet);
+        let begun = self.begin(sensor, crop);
+        drop(waiting);
+        let Some(begun) = begun else {
             tell("interrupted before the first pass: there is nothing to save");
             return Ok(None);
         };
@@ -269,12 +288,7 @@ impl Job<'_> {
             return Err(CliError::Failed("there is no pass to render".to_owned()));
         }
         self.tell_choices(&session, photons.as_ref())?;
-        let progress = Arc::new(Progress::new(
-            &loaded.scene.sensors[sensor].name,
-            &session,
-            self.rules.time,
-            options.quiet,
-        ));
+        let progress = Arc::new(Progress::new(name, &session, self.rules, options.quiet));
         let bar = Arc::clone(&progress);
         session.observe(move |tiles| bar.tile(tiles));
         let passes_to_see = (SAMPLES_TO_SEE / crop.pixels()).clamp(1, PASSES_TO_SEE);
@@ -282,13 +296,17 @@ impl Job<'_> {
         let stop = loop {
             let state = self.pool.install(|| session.step());
             if state.pass.is_some() {
-                progress.pass(&state);
+                progress.pass(&state, &session);
+            }
+            if let Some(viewer) = &mut viewer {
+                viewer.show(&session.render(), state.stop.is_some());
             }
             if state.pass.is_some() && state.passes == passes_to_see {
                 self.warn_of_black(&session.render());
             }
             if state.save_is_due {
                 saver.save(&mut session);
+                progress.saved(&session);
             }
             if let Some(reason) = state.stop {
                 break reason;
@@ -306,13 +324,7 @@ impl Job<'_> {
         } else if (render.passes().len() as u64) < passes_to_see {
             self.warn_of_black(&render);
         }
-        let mut stats = SensorStats::new(
-            &loaded.scene.sensors[sensor].name,
-            &render,
-            stop,
-            session.elapsed(),
-            cpu_start,
-        );
+        let mut stats = SensorStats::new(name, &render, stop, session.elapsed(), cpu_start);
         stats.forecast = session.forecast(options.target_error);
         if !render.passes().is_empty() {
             let (image, preview) = (&targets.image, preview.as_deref());
@@ -375,13 +387,13 @@ impl Job<'_> {
                     .to_owned(),
             ));
         }
-        self.say(|| summary::regularization(&render));
+        self.explain(|| summary::regularization(&render));
         let need = Need {
             photons: photons.map_or(0, PhotonMemory::bytes),
             ..self.need
         };
         if let (Some(radius), Some(memory)) = (render.radius(), photons) {
-            self.say(|| summary::merging(radius, memory));
+            self.explain(|| summary::merging(radius, memory));
             need.check(options.max_memory)?;
             if !memory.is_addressable() {
                 return Err(CliError::Failed(
@@ -390,7 +402,10 @@ impl Job<'_> {
                 ));
             }
         }
-        self.say(|| summary::memory(&need));
+        self.explain(|| summary::memory(&need));
+        if !options.verbose {
+            self.say(|| summary::in_short(&render, &need));
+        }
         Ok(())
     }
 

@@ -62,6 +62,24 @@ pub fn memory(need: &Need) -> String {
     format!("  {:<14} {:<4} {}\n", "memory", "", need.text())
 }
 
+/// Effects and memory of a render in one line.
+#[must_use]
+pub fn in_short(render: &Render, need: &Need) -> String {
+    let own = render.regularization().effect();
+    let effects = render.scene().effects.iter().chain([&own]);
+    let on: Vec<String> = effects
+        .filter(|e| e.on)
+        .map(|e| e.kind.to_string())
+        .collect();
+    let on = if on.is_empty() {
+        "no effects".to_owned()
+    } else {
+        on.join(", ")
+    };
+    let memory = bytes_text(need.total());
+    format!("{on}; memory {memory} (-v tells why)\n")
+}
+
 /// Radius and memory of a render that merges photons.
 #[must_use]
 pub fn merging(radius: &RadiusChoice, memory: &PhotonMemory) -> String {

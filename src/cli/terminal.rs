@@ -28,9 +28,17 @@ pub fn print(text: &str) -> Result<(), CliError> {
     } else {
         wrapped(&text, width(&Term::stdout()))
     };
+    print_raw(text.as_bytes())
+}
+
+/// Writes what is for programs to stdout, as it is.
+///
+/// # Errors
+/// As [`print`].
+pub fn print_raw(text: &[u8]) -> Result<(), CliError> {
     let mut stdout = io::stdout().lock();
     stdout
-        .write_all(text.as_bytes())
+        .write_all(text)
         .and_then(|()| stdout.flush())
         .map_err(CliError::Stdout)
 }

@@ -255,6 +255,17 @@ impl Film {
             .collect()
     }
 
+    /// The channels of one pixel of [`Film::image`] (absolute film coordinates); `None` outside the
+    /// crop.
+    #[must_use]
+    pub fn pixel(&self, x: u32, y: u32, passes: u64) -> Option<Vec<f64>> {
+        let first = self.crop.contains(x, y).then(|| self.crop.index(x, y))? * self.channels;
+        let scale = mean_scale(passes) * self.unit;
+        let sum = |half: usize, i: usize| fixed::to_f64(self.half_sums(half)[i].get());
+        let channels = first..first + self.channels;
+        Some(channels.map(|i| (sum(0, i) + sum(1, i)) * scale).collect())
+    }
+
     /// Image of the even passes minus that of the odd ones, one channel per pixel, row by row.
     /// `None` while a half has no passes.
     #[must_use]

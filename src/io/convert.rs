@@ -1,8 +1,11 @@
-//! Scene files written from models: the model stays a file of its own, cameras and stand-in lights
-//! become editable text.
+//! Scene files written from models: the model stays a file of its own; cameras and stand-in lights
+//! become editable text, materials and lights text behind `#`, so that what nobody changes stays as
+//! the model has it.
 
+use super::material_text;
 use super::model::{Model, ModelCamera, Projection, standard_camera};
 use super::model_file::ModelKind;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 /// The smallest scene file with the model `file`: its own cameras and lights, or those that stand
@@ -13,7 +16,7 @@ pub fn shortest_scene(kind: ModelKind, file: &str) -> String {
 }
 
 /// A scene file with the model `file` (a path relative to the scene's) whose cameras are written
-/// out.
+/// out, and its materials and lights behind `#`.
 #[must_use]
 pub fn scene_text(model: &Model, kind: ModelKind, file: &str) -> String {
     let mut text = format!(
@@ -22,6 +25,7 @@ pub fn scene_text(model: &Model, kind: ModelKind, file: &str) -> String {
         header(kind),
         model_table(kind, file)
     );
+    text += &materials(model);
     let standard;
     let cameras = if model.cameras.is_empty() {
         standard = [standard_camera(&model.objects)];
@@ -41,6 +45,52 @@ pub fn scene_text(model: &Model, kind: ModelKind, file: &str) -> String {
             text,
             "\n# The model has no light.\n[[light]]\nenvironment = {{ image = \"builtin:studio\", radiance = {{ rgb = [1, 1, 1], scale = {radiance:e} }} }}\n"
         );
+    }
+    text + &lights(model)
+}
+
+/// Materials behind `#`.
+fn materials(model: &Model) -> String {
+    let mut text = "\n# The materials of the model. Without the # in front, these lines replace one, and can be changed;\n\
+                    # [model.interior] fills closed meshes with a [medium.NAME].\n"
+        .to_owned();
+    let mut names = BTreeSet::new();
+    for (material, name) in model.materials.iter().zip(&model.material_names) {
+        if !names.insert(name) {
+            continue;
+        }
+        match material_text::material(material) {
+            Some(keys) => {
+                _ = writeln!(text, "# [model.material.{}]", quoted(name));
+                for line in keys.lines() {
+                    _ = writeln!(text, "# {line}");
+                }
+            }
+            None => {
+                let name = quoted(name);
+                _ = writeln!(
+                    text,
+                    "# {name} has images, or a glass of its own: its keys are up to you."
+                );
+            }
+        }
+    }
+    text
+}
+
+/// Lights behind `#`.
+fn lights(model: &Model) -> String {
+    if model.lights.is_empty() {
+        return String::new();
+    }
+    let mut text = "\n# The lights of the model, as they are at 0 s. To change them, set `lights = false` under [[model]] and\n\
+                    # take away the # here. (The edge of a spot falls a little otherwise.)\n"
+        .to_owned();
+    for light in &model.lights {
+        if let Some(keys) = material_text::light(&light.light) {
+            let name = quoted(&light.name);
+            _ = write!(text, "# [[light]]\n# name = {name}\n# {keys}\n");
+        }
     }
     text
 }
@@ -113,6 +163,9 @@ mod tests {
     use crate::io::model::Staging;
     use crate::io::model_file::load;
     use crate::io::scene_file::parse_str;
+    use crate::light::Light;
+    use crate::scene::description::LightDescription;
+    use crate::spectrum::Emission;
 
     #[test]
     fn what_is_written_is_read() {
@@ -129,5 +182,61 @@ mod tests {
             assert_eq!(scene.description.sensors.len(), 1);
             assert_eq!(scene.description.lights.len(), 1);
         }
+    }
+
+    /// The text with what stands behind `#` in force, as far as it is no prose.
+    fn uncommented(text: &str) -> String {
+        let line = |line: &str| {
+            let code = line
+                .strip_prefix("# ")
+                .filter(|l| l.starts_with('[') || l.contains(" = {"));
+            let name = line.strip_prefix("# ").filter(|l| l.starts_with("name = "));
+            code.or(name).unwrap_or(line).to_owned() + "\n"
+        };
+        text.lines().map(line).collect()
+    }
+
+    #[test]
+    fn materials_and_lights_can_be_taken_over() {
+        let folder = tempfile::tempdir().expect("folder");
+        let path = folder.path().join("a.obj");
+        std::fs::write(
+            &path,
+            "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a \\ b\nf 1 2 3\n",
+        )
+        .expect("file");
+        let mtl = "newmtl a \\ b\nKd 0.2 0.4 0.6\nKs 0.5 0.5 0.5\nNs 40\n";
+        std::fs::write(folder.path().join("a.mtl"), mtl).expect("file");
+        let mut model = load(&path, ModelKind::Obj, &Staging::default()).expect("valid");
+        let key = Light::point(
+            glam::DVec3::new(1.0, 2.0, 3.0),
+            Emission::from_rgb([2.0, 1.0, 0.5]),
+        );
+        model.lights.push(LightDescription {
+            name: "key".to_owned(),
+            light: key,
+        });
+        model.lit = true;
+        let text = uncommented(&scene_text(&model, ModelKind::Obj, "a.obj"));
+        let scene = parse_str(&text, folder.path()).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let scene = scene.description;
+        let [light] = &scene.lights[..] else {
+            panic!("{text}");
+        };
+        assert_eq!(light.name, "key");
+        let xyz = crate::spectrum::xyz::emission_to_xyz;
+        let expected = xyz(&model.lights[0].light.emission);
+        for (value, expected) in xyz(&light.light.emission).iter().zip(expected) {
+            assert!(
+                (value / expected - 1.0).abs() < 2e-3,
+                "{value} {expected}\n{text}"
+            );
+        }
+        let material = &scene.materials[scene.objects[0].material.0 as usize];
+        assert_eq!(
+            material.lobes.len(),
+            model.materials[0].lobes.len(),
+            "{text}"
+        );
     }
 }

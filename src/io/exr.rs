@@ -206,6 +206,16 @@ pub fn xyz_channels(xyz: &[f64]) -> Vec<Channel> {
 /// The file cannot be written, or a channel does not fit the crop. An older file of the name stays
 /// in that case.
 pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
+    let bytes = encoded(path, image)?;
+    write_atomic(path, |w| std::io::Write::write_all(w, &bytes))?;
+    Ok(())
+}
+
+/// The bytes of an image's file; `path` names it in errors.
+///
+/// # Errors
+/// A channel does not fit the crop.
+pub fn encoded(path: &Path, image: &ExrImage) -> Result<Vec<u8>, ExrError> {
     let pixels = image.crop.pixels();
     for channel in &image.channels {
         if channel.values.len() as u64 != pixels {
@@ -265,8 +275,7 @@ pub fn write(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
             message: e.to_string(),
         })?;
     sort_attributes(bytes.get_mut());
-    write_atomic(path, |w| std::io::Write::write_all(w, bytes.get_ref()))?;
-    Ok(())
+    Ok(bytes.into_inner())
 }
 
 /// A value as a positive number, if it is one that OpenEXR allows for pixels.

@@ -18,6 +18,7 @@ pub mod layers;
 pub mod lens;
 pub mod loaded;
 pub mod lock;
+pub mod material_text;
 pub mod model;
 pub mod model_file;
 pub mod mtl;

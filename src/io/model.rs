@@ -63,6 +63,8 @@ pub struct Model {
     pub media: Vec<Medium>,
     /// Materials.
     pub materials: Vec<Material>,
+    /// Name of each material in the file; several may have the same.
+    pub material_names: Vec<String>,
     /// Surfaces, in the world.
     pub objects: Vec<ObjectDescription>,
     /// Lights that are no surfaces, in the world.

@@ -9,6 +9,7 @@ pub mod error;
 pub mod flux;
 pub mod forecast;
 pub mod guides;
+pub mod look;
 pub mod memory;
 pub mod merging;
 pub mod outputs;

@@ -5,7 +5,7 @@ pub mod coverage;
 pub mod curve;
 mod embedded;
 pub mod emission;
-mod illuminant;
+pub mod illuminant;
 mod integral;
 pub mod ior;
 pub mod library;

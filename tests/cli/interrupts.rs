@@ -7,7 +7,7 @@ use tempfile::TempDir;
 
 /// Interrupts a render once its session begins; what it has printed.
 fn interrupt(dir: &TempDir, arguments: &str, signals: &[&str]) -> String {
-    let mut child = command(dir.path(), arguments)
+    let mut child = command(dir.path(), &format!("{arguments} -v"))
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()

@@ -1,11 +1,15 @@
 //! Runs the `abbe` program: exit codes, messages, files, interrupts, merging.
 
+mod beginning;
 mod develop;
 #[cfg(unix)]
 mod interrupts;
 mod job;
 mod measures;
 mod outputs;
+mod tev;
+#[cfg(feature = "view")]
+mod view;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -268,7 +272,7 @@ fn photons_take_the_memory_that_was_announced() {
         let scene = scene.display();
         let stdout = succeed(
             dir.path(),
-            &format!("render {scene} --spp 1 --threads 2 --stats s.json -o a.exr {options}"),
+            &format!("render {scene} -v --spp 1 --threads 2 --stats s.json -o a.exr {options}"),
         );
         let stats = std::fs::read_to_string(dir.path().join("s.json")).expect("stats");
         let stats: serde_json::Value = serde_json::from_str(&stats).expect("JSON");

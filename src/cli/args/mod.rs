@@ -1,6 +1,7 @@
 //! The options of every command. Values are checked as they are parsed, so that wrong ones are
 //! usage errors that say what is allowed.
 
+mod beginning;
 mod develop;
 mod images;
 mod job;
@@ -9,7 +10,10 @@ mod overrides;
 mod reports;
 mod scene;
 mod values;
+#[cfg(feature = "view")]
+mod view;
 
+pub use beginning::{CompletionsOptions, ManOptions, NewOptions, Template};
 pub use develop::DevelopOptions;
 pub use images::{BandingOptions, CompareOptions, MergeOptions};
 pub use job::{CollectOptions, JobCommand, JobOptions, NewOptions, RunOptions, StatusOptions};
@@ -17,6 +21,9 @@ pub use lens::{GlassOptions, LensOptions};
 pub use overrides::Overrides;
 pub use reports::CostOptions;
 pub use scene::{ConvertOptions, InfoOptions, RenderOptions};
+
+#[cfg(feature = "view")]
+pub use view::ViewOptions;
 
 use crate::io::identity::VERSION;
 use clap::{Args, Parser, Subcommand};
@@ -41,7 +48,7 @@ fn long_version() -> &'static str {
 
 /// Spectral bidirectional path tracer for dispersive glass and correct color.
 #[derive(Debug, Parser)]
-#[command(name = "abbe", version = long_version(), disable_help_subcommand = true)]
+#[command(name = "abbe", version = long_version())]
 pub struct Arguments {
     /// Command to carry out.
     #[command(subcommand)]
@@ -63,6 +70,9 @@ pub enum Command {
     /// Makes a picture of an image or part: exposure, tone curve, white balance, gamut of the
     /// display
     Develop(Box<DevelopOptions>),
+    /// Shows a scene while it renders, or an image, as a page in the browser
+    #[cfg(feature = "view")]
+    View(ViewOptions),
     /// Shows the refractive index of a glass
     Glass(GlassOptions),
     /// Prints the reference of all keys of scene files
@@ -78,6 +88,12 @@ pub enum Command {
     Banding(BandingOptions),
     /// Writes an editable scene file that refers to a model
     Convert(ConvertOptions),
+    /// Writes a commented scene to begin with
+    New(NewOptions),
+    /// Prints a script that completes commands and options in a shell
+    Completions(CompletionsOptions),
+    /// Writes the manual pages
+    Man(ManOptions),
 }
 
 /// Options of `abbe keys`.

@@ -106,10 +106,17 @@ pub struct RenderOptions {
     /// Writes statistics as JSON, with the table of path classes and strategies
     #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
+    /// Shows the picture while it renders in the image viewer tev that listens there, such as
+    /// 127.0.0.1:14158
+    #[arg(long, value_name = "HOST:PORT", value_parser = values::host_and_port)]
+    pub tev: Option<String>,
     /// Refuses to load or render what needs more memory than SIZE in all, such as 500M or 2G; what
     /// the machine has otherwise
     #[arg(long, value_name = "SIZE", value_parser = values::size)]
     pub max_memory: Option<u64>,
+    /// Tells what the scene calls for, how it is rendered, what it takes, and why
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub verbose: bool,
     /// Prints nothing but errors
     #[arg(short, long)]
     pub quiet: bool,

@@ -1,5 +1,6 @@
 //! The values that options take: names, and parsers that say what is allowed.
 
+use super::Template;
 use crate::develop::{Display, ToneCurve};
 use crate::film::Crop;
 use crate::job::claims::is_worker_name;
@@ -31,6 +32,7 @@ macro_rules! value_enum {
     };
 }
 value_enum!(
+    Template,
     Aiming,
     IntegratorKind,
     Heuristic,
@@ -166,6 +168,16 @@ pub(super) fn chunks(text: &str) -> Result<Range<u32>, String> {
     parsed
         .filter(|r: &Range<u32>| r.start < r.end)
         .ok_or_else(|| "expected A..B with 0 <= A < B: the chunks A, A+1, ..., B-1".to_owned())
+}
+
+/// A host and a port, which are looked for later.
+pub(super) fn host_and_port(text: &str) -> Result<String, String> {
+    let parts = text.rsplit_once(':');
+    let sound = parts.is_some_and(|(host, port)| {
+        !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port > 0)
+    });
+    let wrong = || "expected HOST:PORT such as 127.0.0.1:14158".to_owned();
+    sound.then(|| text.to_owned()).ok_or_else(wrong)
 }
 
 pub(super) fn pixel(text: &str) -> Result<[u32; 2], String> {

@@ -432,6 +432,7 @@ impl Reader<'_> {
             MediumId(self.model.media.len() as u32 - 1)
         });
         self.model.materials.push(material);
+        self.model.material_names.push(name);
         let new = (
             MaterialId(self.model.materials.len() as u32 - 1),
             emission,

@@ -65,6 +65,7 @@ pub fn plain(mesh: Mesh, origin: DVec3, path: &Path, to_world: DAffine3) -> Mode
             lobes: vec![(1.0.into(), gray)],
             ..Material::default()
         }],
+        material_names: vec!["default".to_owned()],
         objects: vec![ObjectDescription {
             name: name.into_owned(),
             shape: Shape::Mesh(Arc::new(mesh)),
@@ -208,6 +209,7 @@ impl<'a> Reader<'a> {
             let plain = plain(mesh, origin, Path::new("default"), to_world);
             let id = self.model.materials.len() as u32;
             self.model.materials.extend(plain.materials);
+            self.model.material_names.extend(plain.material_names);
             let objects = plain.objects.into_iter().map(|o| ObjectDescription {
                 name: group.to_owned(),
                 material: MaterialId(id),
@@ -241,6 +243,7 @@ impl<'a> Reader<'a> {
             }
         };
         self.model.materials.push(converted.material);
+        self.model.material_names.push(name.clone());
         self.model.objects.push(ObjectDescription {
             name,
             shape: Shape::Mesh(Arc::new(mesh)),

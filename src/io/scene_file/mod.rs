@@ -20,6 +20,7 @@ mod object;
 mod reader;
 pub mod reference;
 mod render;
+mod replacement;
 mod scene;
 mod sensor;
 mod shape;

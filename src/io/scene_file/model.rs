@@ -3,6 +3,7 @@
 use super::document::Node;
 use super::keys::{Build, Built, Form, Keys, Spec, Table, Value, keys};
 use super::reader::Reader;
+use super::replacement::{Interiors, Replacements, replace};
 use super::sensor::{DEFAULT_RESOLUTION, EDGE, Size};
 use super::transform::Steps;
 use super::value::{AnimationName, At, FileName, items};
@@ -11,6 +12,7 @@ use crate::io::gltf::PER_NIT;
 use crate::io::model::{self, MAX_MODEL_BYTES, Model, ModelCamera, Staging};
 use crate::io::model_file::{self, ModelKind};
 use crate::math::hash::combine;
+use crate::medium::Medium;
 use crate::scene::description::{LightDescription, SceneDescription, SensorDescription};
 use crate::scene::settings::OutputUnits;
 use crate::spectrum::Emission;
@@ -39,6 +41,11 @@ keys! {
         shutter: Shutter, unit "seconds", default Shutter::default();
         /// Whether its lights (`KHR_lights_punctual`) are taken.
         lights: bool, default true;
+        /// Materials that take the place of those of the file, by the names they have there.
+        material: Replacements;
+        /// Media inside closed meshes of the file, by the names of their materials, which must be
+        /// `dielectric`.
+        interior: Interiors;
     }
 }
 
@@ -51,6 +58,8 @@ pub struct Unread {
     staging: Staging,
     size: Size,
     lights: bool,
+    materials: Replacements,
+    interiors: Interiors,
 }
 
 impl Build for ModelKeys {
@@ -89,6 +98,8 @@ impl Build for ModelKeys {
             },
             size: self.resolution,
             lights: self.lights,
+            materials: self.material,
+            interiors: self.interior,
         })
     }
 }
@@ -129,8 +140,9 @@ impl Value for Models {
 }
 
 impl Models {
-    /// Reads the files of the models; what is legal but not understood is noted.
-    pub fn load(cx: &mut Reader<'_>) -> Loaded {
+    /// Reads the files of the models; what is legal but not understood is noted. `media`: those of
+    /// the scene.
+    pub fn load(media: &[Medium], cx: &mut Reader<'_>) -> Loaded {
         let unread = std::mem::take(&mut cx.models);
         // in the hash of the scene, models stand before objects
         let files_of_objects = cx.file_hashes.split_off(cx.files_before_objects);
@@ -161,6 +173,7 @@ impl Models {
                 model.lights.clear();
                 model.lit = false;
             }
+            replace(&mut model, unread.materials, unread.interiors, media, cx);
             cx.file_notes(&unread.file, std::mem::take(&mut model.notes));
             cx.model_files.append(&mut model.files);
             let filter = cx.film_filter(None, None, false);

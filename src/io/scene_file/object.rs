@@ -242,26 +242,7 @@ impl ObjectKeys {
         cx: &mut Reader<'_>,
     ) {
         if let (Some(interior), Some((shape, _))) = (&self.interior, shape) {
-            let message = match shape {
-                Shape::Disk { .. } | Shape::Quad | Shape::Cylinder => {
-                    (!shape.is_closed()).then(|| {
-                        "interior needs a closed shape (allowed: sphere, box, a closed mesh; for \
-                         others name both sides with interface)"
-                            .to_owned()
-                    })
-                }
-                _ => shape.open_edge().map(|[a, b]| {
-                    let text = |p: glam::DVec3| format!("[{}, {}, {}]", p.x, p.y, p.z);
-                    format!(
-                        "the mesh is not closed, so it has no interior (every edge needs two \
-                         triangles that run through it in opposite directions; that from {} to \
-                         {} has not)",
-                        text(a),
-                        text(b)
-                    )
-                }),
-            };
-            if let Some(message) = message {
+            if let Some(message) = no_interior(shape) {
                 cx.conflict(&interior.at, message);
             }
         }
@@ -298,6 +279,26 @@ impl ObjectKeys {
     fn image_at(&self, material: Option<&MaterialFacts>) -> Option<std::ops::Range<usize>> {
         let emission = self.emission.as_ref().and_then(|e| e.image_at.clone());
         emission.or_else(|| material?.image_at.clone())
+    }
+}
+
+/// Why a shape has no interior; `None` where it has one.
+pub fn no_interior(shape: &Shape) -> Option<String> {
+    match shape {
+        Shape::Disk { .. } | Shape::Quad | Shape::Cylinder => (!shape.is_closed()).then(|| {
+            "interior needs a closed shape (allowed: sphere, box, a closed mesh; for others name \
+             both sides with interface)"
+                .to_owned()
+        }),
+        _ => shape.open_edge().map(|[a, b]| {
+            let text = |p: DVec3| format!("[{}, {}, {}]", p.x, p.y, p.z);
+            format!(
+                "the mesh is not closed, so it has no interior (every edge needs two triangles \
+                 that run through it in opposite directions; that from {} to {} has not)",
+                text(a),
+                text(b)
+            )
+        }),
     }
 }
 

@@ -1,6 +1,6 @@
 //! A whole scene file. Its parts are read in the order in which they need each other: the unit of
-//! lengths and the wavelengths first, then the shutters, over which all motion is laid out, then
-//! what others refer to by name.
+//! lengths and the wavelengths first, then the shutters of sensors, what others refer to by name,
+//! and the shutters of models; all motion is laid out over those.
 
 use super::document::{Node, Source, scene_hash};
 use super::error::SceneFileErrors;
@@ -37,14 +37,14 @@ keys! {
         /// Cameras and detectors. At least one, but for scenes with a model: there the model's
         /// cameras, or one that sees all of it, stand in.
         sensor: Sensors;
-        /// Files of other programs.
-        model: Models;
         /// Spectra by name.
         spectrum: Spectra;
         /// Media by name.
         medium: Media;
         /// Materials by name.
         material: Materials;
+        /// Files of other programs.
+        model: Models;
         /// Meshes by name.
         mesh: Meshes;
         /// Surfaces.
@@ -86,7 +86,8 @@ pub fn read(
     let mut cx = Reader::new(source, folder);
     let table = Table::new(document, 0..0, SceneKeys::NAMES, &mut cx);
     let keys = SceneKeys::from_table(&table, &mut cx);
-    let models = Models::load(&mut cx);
+    let media = keys.as_ref().map_or(&[][..], |keys| &keys.medium.0);
+    let models = Models::load(media, &mut cx);
     let scene = keys.and_then(|keys| keys.scene(models, scene_hash(document), &mut cx));
     match (scene, cx.into_errors()) {
         (Some(scene), None) => Ok(scene),
