@@ -80,7 +80,9 @@ pub(crate) fn remove_left_behind(folder: &Path) {
     for entry in folder.read_dir().into_iter().flatten().flatten() {
         let name = entry.file_name();
         let name = name.to_string_lossy();
-        if !name.starts_with(prefix) || !name.ends_with(suffix) {
+        // neither through a link nor into a pipe, which would wait for a writer
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if !is_file || !name.starts_with(prefix) || !name.ends_with(suffix) {
             continue;
         }
         let Ok(file) = File::open(entry.path()) else {
@@ -160,9 +162,13 @@ mod tests {
         ] {
             drop(make(name, age_s));
         }
+        #[cfg(unix)]
+        std::os::unix::fs::symlink("mine.tmp", dir.path().join(".abbe-link.tmp")).expect("link");
         let alive = make(".abbe-b.tmp", 100);
         alive.lock().expect("locked");
         check_writable(&dir.path().join("a.exr")).expect("writable");
+        #[cfg(unix)]
+        std::fs::remove_file(dir.path().join(".abbe-link.tmp")).expect("is there");
         let mut left: Vec<_> = std::fs::read_dir(dir.path())
             .expect("folder")
             .map(|entry| entry.expect("entry").file_name())

@@ -21,7 +21,7 @@ pub struct JobOptions {
 #[derive(Debug, Subcommand)]
 pub enum JobCommand {
     /// Makes a job: a folder with all that the scene reads, cut into chunks of passes
-    New(NewOptions),
+    New(NewJobOptions),
     /// Works on a job until no chunk is left
     Run(RunOptions),
     /// Says how far a job is, who works on it, and how long that will take
@@ -32,7 +32,7 @@ pub enum JobCommand {
 
 /// Options of `abbe job new`.
 #[derive(Debug, Args)]
-pub struct NewOptions {
+pub struct NewJobOptions {
     /// The scene file, or a model (.gltf, .glb, .obj, .ply)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
@@ -73,7 +73,7 @@ pub struct NewOptions {
     pub quiet: bool,
 }
 
-impl NewOptions {
+impl NewJobOptions {
     /// The overrides of the scene file: the options that have a key in it, then those of `--set`.
     #[must_use]
     pub fn scene_overrides(&self) -> Vec<(String, String)> {

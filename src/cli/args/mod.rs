@@ -16,7 +16,7 @@ mod view;
 pub use beginning::{CompletionsOptions, ManOptions, NewOptions, Template};
 pub use develop::DevelopOptions;
 pub use images::{BandingOptions, CompareOptions, MergeOptions};
-pub use job::{CollectOptions, JobCommand, JobOptions, NewOptions, RunOptions, StatusOptions};
+pub use job::{CollectOptions, JobCommand, JobOptions, NewJobOptions, RunOptions, StatusOptions};
 pub use lens::{GlassOptions, LensOptions};
 pub use overrides::Overrides;
 pub use reports::CostOptions;

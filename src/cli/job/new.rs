@@ -1,13 +1,13 @@
 //! `abbe job new`: the folder of a job.
 
 use super::{counted, time_text};
-use crate::cli::args::NewOptions;
+use crate::cli::args::NewJobOptions;
 use crate::cli::usage::bytes_text;
 use crate::cli::{CliError, Outcome, memory, print, tell, threads};
 use crate::job::freeze::{self, Made, Request};
 
 /// Runs the command.
-pub fn run(options: &NewOptions) -> Result<Outcome, CliError> {
+pub fn run(options: &NewJobOptions) -> Result<Outcome, CliError> {
     options.moment.check(&options.scene)?;
     let request = Request {
         scene: options.scene.clone(),
@@ -31,7 +31,7 @@ pub fn run(options: &NewOptions) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
-fn text(options: &NewOptions, made: &Made, threads: usize) -> String {
+fn text(options: &NewJobOptions, made: &Made, threads: usize) -> String {
     let (job, manifest) = (options.output.display(), &made.folder.manifest);
     let chunks = manifest.chunks();
     let chunk = counted(manifest.chunk.into(), "pass", "passes");
