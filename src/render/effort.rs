@@ -37,7 +37,7 @@ use std::fmt;
 const USUAL: (f64, f64) = (1.0, PAIR_PROBABILITY);
 const FEW: (f64, f64) = (0.0625, 1.0);
 /// Product of variance and cost, relative to the usual choice, above which few are not taken.
-const CLEAR: f64 = 0.93;
+const CLEAR: f64 = 0.9;
 /// Independent groups of passes, and passes of each.
 const GROUPS: usize = 4;
 const PASSES: u32 = 4;
