@@ -230,3 +230,23 @@ fn random_below(limit: u32) -> u32 {
     use std::hash::{BuildHasher, RandomState};
     (RandomState::new().hash_one(0) % u64::from(limit.max(1))) as u32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_slow_is_done_seldom() {
+        let mut pace = Pace::new(Duration::from_millis(4));
+        assert!(pace.is_due());
+        pace.measure(|| std::thread::sleep(Duration::from_millis(20)));
+        assert!(!pace.is_due());
+        // a hundred times as long, of which some has passed
+        assert!(pace.wait() > Duration::from_secs(1), "{pace:?}");
+        let mut quick = Pace::new(Duration::from_secs(4000));
+        assert_eq!(quick.measure(|| 7), 7);
+        assert!(
+            quick.wait() > Duration::from_secs(900) && quick.wait() <= Duration::from_secs(1000)
+        );
+    }
+}

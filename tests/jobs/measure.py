@@ -84,7 +84,7 @@ def overhead(abbe, folder, rounds):
 
 
 def scaling(abbe, folder, rounds):
-    path = scene(folder, 96, 72, 400)
+    path = scene(folder, 96, 72, 120)
 
     def work(name, workers):
         job = folder / name
@@ -96,7 +96,10 @@ def scaling(abbe, folder, rounds):
         shutil.rmtree(job)
         return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
-    pairs = [(work(f"one{i}", 1), work(f"two{i}", 2)) for i in range(rounds)]
+    pairs = []
+    for i in range(rounds):
+        pairs.append((work(f"one{i}", 1), work(f"two{i}", 2)))
+        print(f"one, two: {pairs[-1]}", flush=True)
     walls = [one[0] / two[0] for one, two in pairs]
     processors = [one[1] / two[1] for one, two in pairs]
     print(f"two workers of one thread against one, {rounds} pairs: {statistics.median(walls):.2f} times as fast ({min(walls):.2f} to {max(walls):.2f}); "

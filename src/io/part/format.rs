@@ -59,7 +59,7 @@ pub fn write(path: &Path, part: &Part) -> Result<(), PartError> {
 /// Writes a part in a half to a fiftieth of the bytes, by what the sensor sees.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_packed(path: &Path, part: &Part) -> Result<(), PartError> {
     write_as(path, part, Form::Packed)
 }
