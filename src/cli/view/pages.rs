@@ -59,6 +59,6 @@ fn pixel(request: &Request, studio: &Studio) -> Result<Response, Response> {
     let pixel = number("x").zip(number("y"));
     let (x, y) = pixel.ok_or_else(|| Response::refusal(400, "expected x and y"))?;
     let found = studio.stage().and_then(|stage| stage.pixel(x, y));
-    let found = found.ok_or_else(|| Response::refusal(409, "there is no such pixel"))?;
+    let found = found.ok_or_else(Response::nothing_yet)?;
     Ok(json(&found))
 }
