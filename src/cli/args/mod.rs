@@ -127,7 +127,7 @@ mod tests {
                 ('\'' | '"', None) => quote = Some(c),
                 (c, Some(end)) if c == end => quote = None,
                 (' ', None) => {
-                    words.extend(Some(std::mem::take(&mut word)).filter(|w| !w.is_empty()))
+                    words.extend(Some(std::mem::take(&mut word)).filter(|w| !w.is_empty()));
                 }
                 (c, _) => word.push(c),
             }

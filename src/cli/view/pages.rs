@@ -21,6 +21,8 @@ pub fn answer(request: &Request, guard: &Guard, studio: &Studio) -> Response {
         (Method::Get, "/view.js") => return Response::of("text/javascript; charset=utf-8", SCRIPT),
         (Method::Get, "/plot.js") => return Response::of("text/javascript; charset=utf-8", PLOT),
         (Method::Get, "/view.css") => return Response::of("text/css; charset=utf-8", STYLE),
+        // browsers ask on their own
+        (Method::Get, "/favicon.ico") => return Response::nothing_yet(),
         (Method::Post, "/session") => return guard.exchange(&request.body),
         _ => {}
     }

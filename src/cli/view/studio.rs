@@ -253,7 +253,7 @@ impl Studio {
                 }
             }
             if let Some(loaded) = &scene {
-                let rendered = self.render(loaded, cancel, pool);
+                let rendered = self.render(loaded, &cancel, pool);
                 let mut shared = self.shared();
                 shared.problem = rendered.err().map(|e| e.to_string());
             }
@@ -328,7 +328,7 @@ impl Studio {
     }
 
     /// Renders to the last pass, or until something else is wanted.
-    fn render(&self, loaded: &Loaded, cancel: Cancel, pool: &ThreadPool) -> Result<(), CliError> {
+    fn render(&self, loaded: &Loaded, cancel: &Cancel, pool: &ThreadPool) -> Result<(), CliError> {
         let sensor = loaded.sensor(self.sensor.as_deref())?;
         let chosen = self.shared().chosen.clone();
         let settings = match chosen {
