@@ -187,9 +187,9 @@ mod tests {
     /// The text with what stands behind `#` in force, as far as it is no prose.
     fn uncommented(text: &str) -> String {
         let line = |line: &str| {
-            let code = line
-                .strip_prefix("# ")
-                .filter(|l| l.starts_with('[') || l.contains(" = {"));
+            let code = line.strip_prefix("# ").filter(|l| {
+                l.starts_with("[model.material") || l.starts_with("[[light]]") || l.contains(" = {")
+            });
             let name = line.strip_prefix("# ").filter(|l| l.starts_with("name = "));
             code.or(name).unwrap_or(line).to_owned() + "\n"
         };

@@ -92,32 +92,41 @@ fn lobe(lobes: &[(ScalarTexture, LobeSpec)]) -> Option<(String, usize)> {
                 tint("transmit_tint", transmit_tint)?,
             ],
         ),
-        LobeSpec::CoatedDiffuse {
-            reflectance,
-            coat,
-            strength,
-            alpha,
-        } => {
-            let (weight, layer) = lobes.get(1)?;
-            let LobeSpec::Coat {
-                tint: color_of_layer,
-                ..
-            } = layer
-            else {
-                return None;
-            };
-            let same = weight.constant() == lobes[0].0.constant();
-            let plain = strength.constant() == Some(1.0) && color(color_of_layer)? == "1";
-            (same && plain).then_some(())?;
-            let keys = [
-                format!("reflectance = {}", color(reflectance)?),
-                format!("ior = {}", digits(coat.index)),
-                roughness(alpha)?,
-            ];
-            Some((table("coated", &keys), 2))
-        }
-        LobeSpec::Thin { .. } | LobeSpec::Conductor { .. } | LobeSpec::Coat { .. } => None,
+        LobeSpec::CoatedDiffuse { .. } | LobeSpec::Coat { .. } => coated(lobes.get(..2)?),
+        LobeSpec::Thin { .. } | LobeSpec::Conductor { .. } => None,
     }
+}
+
+/// A base and the layer over it, in either order.
+fn coated(pair: &[(ScalarTexture, LobeSpec)]) -> Option<(String, usize)> {
+    let [(weight, a), (other, b)] = pair else {
+        return None;
+    };
+    let (base, layer) = match a {
+        LobeSpec::Coat { .. } => (b, a),
+        _ => (a, b),
+    };
+    let LobeSpec::CoatedDiffuse {
+        reflectance,
+        coat,
+        strength,
+        alpha,
+    } = base
+    else {
+        return None;
+    };
+    let LobeSpec::Coat { tint, .. } = layer else {
+        return None;
+    };
+    let same = weight.constant() == other.constant();
+    let plain = strength.constant() == Some(1.0) && color(tint)? == "1";
+    (same && plain).then_some(())?;
+    let keys = [
+        format!("reflectance = {}", color(reflectance)?),
+        format!("ior = {}", digits(coat.index)),
+        roughness(alpha)?,
+    ];
+    Some((table("coated", &keys), 2))
 }
 
 /// The keys of `[material.NAME]` that make a material, one a line; `None` where they cannot: an

@@ -1,13 +1,14 @@
-//! A first look at a render: a coarse picture of one sample for each block of pixels, to be shown
-//! before the first pass is done. Nothing of it enters a film.
+//! A first look at a scene: a coarse picture of one sample for each block of pixels, to be shown
+//! before the pilots of a render and its first pass are done. Nothing of it enters a film.
 
-use super::Render;
+use super::OutputRequest;
 use crate::integrator::{Workspace, sample_pixel};
-use crate::transport::Target;
+use crate::math::hash::combine;
+use crate::scene::settings::{Aiming, Regularize};
+use crate::scene::{Scene, Settings};
+use crate::spectrum::SensorResponse;
+use crate::transport::{PassSettings, Target};
 use rayon::prelude::*;
-
-/// The pass whose samples are taken.
-const PASS: u32 = 0;
 
 /// A coarse picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,23 +24,36 @@ pub struct Look {
 /// Values of one row of blocks: of the blocks themselves, and raster positions with theirs.
 type Row = (Vec<[f64; 3]>, Vec<([f64; 2], [f64; 3])>);
 
-impl Render {
-    /// The picture in blocks of `side` × `side` pixels, each from the sample of one pixel. Photons
-    /// are not merged.
+impl Look {
+    /// The picture in blocks of `side` × `side` pixels, each from the sample of one pixel. Needs no
+    /// pilot: photons are not merged, chains not solved for, nothing is regularized.
     #[must_use]
-    pub fn look(&self, side: u32) -> Look {
-        let (frame, crop) = (self.frame(), self.crop());
-        let pass = self.settings_of(&frame, PASS);
+    pub fn new(
+        scene: &Scene,
+        sensor: usize,
+        settings: &Settings,
+        response: SensorResponse,
+        side: u32,
+    ) -> Self {
+        let mut settings = settings.clone();
+        settings.aim = Aiming::Off;
+        settings.regularization.mode = Regularize::Off;
+        let crop = scene.sensors[sensor].whole_film();
+        let request = OutputRequest::default();
+        let frame = super::frame(scene, sensor, &settings, &crop, &request);
+        let pass = PassSettings::default();
         let (width, height) = (crop.width().div_ceil(side), crop.height().div_ceil(side));
-        let response = self.outputs().response;
-        let middle =
-            |first: u32, end: u32, block: u32| (first + block * side + side / 2).min(end - 1);
+        // not the same one of each block: numbers of neighbors are drawn to complement each other
+        let pixel = |i: u32, j: u32| {
+            let choice = combine(u64::from(i), u64::from(j)) >> 32;
+            let (dx, dy) = (choice as u32 % side, choice as u32 / side % side);
+            let x = (crop.x0 + i * side + dx).min(crop.x1 - 1);
+            (x, (crop.y0 + j * side + dy).min(crop.y1 - 1))
+        };
         let row = |workspace: &mut Workspace, j: u32| -> Row {
-            let y = middle(crop.y0, crop.y1, j);
             let mut splats = Vec::new();
             let own = (0..width).map(|i| {
-                let pixel = (middle(crop.x0, crop.x1, i), y);
-                let response = sample_pixel(&frame, &pass, pixel, response, workspace);
+                let response = sample_pixel(&frame, &pass, pixel(i, j), response, workspace);
                 let mut own = [0.0; 3];
                 for contribution in &workspace.contributions {
                     let xyz = response.xyz(&contribution.lanes);
@@ -73,24 +87,31 @@ impl Render {
                     .for_each(|(sum, more)| *sum += more);
             }
         }
-        Look {
+        Self {
             width,
             height,
             xyz: blocks.into_flattened(),
         }
     }
+
+    /// Whether there is any light in it.
+    #[must_use]
+    pub fn is_black(&self) -> bool {
+        self.xyz.iter().all(|v| *v == 0.0)
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::material::Material;
     use crate::render::{Session, SessionOptions};
     use crate::scene::settings::IntegratorKind;
-    use crate::scene::{SceneBuilder, Settings, builder::look_at};
+    use crate::scene::{SceneBuilder, builder::look_at};
     use crate::spectrum::Emission;
 
-    /// Mean Y of the look and of the render.
-    fn means(integrator: IntegratorKind) -> (f64, f64) {
+    /// Mean X, Y and Z of the look and of the render.
+    fn means(integrator: IntegratorKind) -> [[f64; 3]; 2] {
         let mut scene = SceneBuilder::new();
         let white = scene.material(Material::diffuse(0.7));
         scene
@@ -106,18 +127,17 @@ mod tests {
             integrator,
             ..Settings::default()
         };
-        let scene = scene.build().expect("valid");
-        let mut session =
-            Session::new(scene, &settings, SessionOptions::default()).expect("a session");
-        let look = session.render().look(4);
+        let scene = std::sync::Arc::new(scene.build().expect("valid"));
+        let options = SessionOptions::default();
+        let mut session = Session::new(scene.clone(), &settings, options).expect("a session");
+        let look = Look::new(&scene, 0, &settings, SensorResponse::Xyz, 4);
         assert_eq!((look.width, look.height), (40, 30));
-        assert!(session.render().passes().is_empty());
         session.run();
         let mean = |xyz: &[f64]| {
-            let y: Vec<f64> = xyz.iter().skip(1).step_by(3).copied().collect();
-            y.iter().sum::<f64>() / y.len() as f64
+            let sum = |c: usize| xyz.iter().skip(c).step_by(3).sum::<f64>();
+            [0, 1, 2].map(|c| sum(c) / (xyz.len() / 3) as f64)
         };
-        (mean(&look.xyz), mean(&session.render().xyz()))
+        [mean(&look.xyz), mean(&session.render().xyz())]
     }
 
     #[test]
@@ -125,8 +145,10 @@ mod tests {
         // 1200 samples, and 19200: the mean of a floor of two thirds of the picture, whose samples
         // scatter by about their mean, is known to 4 %
         for integrator in [IntegratorKind::Bdpt, IntegratorKind::Light] {
-            let (look, render) = means(integrator);
-            assert!((look / render - 1.0).abs() < 0.16, "{look} {render}");
+            let [look, render] = means(integrator);
+            for (a, b) in look.iter().zip(render) {
+                assert!((a / b - 1.0).abs() < 0.16, "{look:?} {render:?}");
+            }
         }
     }
 }

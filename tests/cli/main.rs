@@ -331,7 +331,14 @@ fn an_unwritable_place_is_found_before_rendering() {
 #[test]
 fn renders_and_says_so() {
     let dir = folder();
-    let stdout = succeed(dir.path(), "render scene.toml --spp 2");
+    let short = succeed(dir.path(), "render scene.toml --spp 2");
+    let line = short.lines().next().unwrap_or_default();
+    let effects = "dispersion, absorption, specular, regularization; memory ";
+    assert!(
+        line.starts_with(effects) && line.ends_with(" (-v tells why)"),
+        "{short}"
+    );
+    let stdout = succeed(dir.path(), "render scene.toml --spp 2 -v");
     for part in [
         "dispersion     on",
         "scene.exr: 24 x 16 pixels, 2 passes, all passes done",
@@ -635,7 +642,7 @@ fn merging_says_what_it_shares_and_stores() {
     let dir = folder();
     let stdout = succeed(
         dir.path(),
-        "render scene.toml --integrator vcm --spp 3 --stats s.json",
+        "render scene.toml -v --integrator vcm --spp 3 --stats s.json",
     );
     for part in ["radius", "vertices of 60 B", "3 wavelengths, largest gap"] {
         assert!(stdout.contains(part), "{part}: {stdout}");

@@ -377,10 +377,10 @@ fn what_is_saved_has_the_bytes_of_the_command_line() {
             "{wrong}"
         );
     }
-    assert_eq!(server.get("/pixel?x=24&y=0").status, 409);
+    assert_eq!(server.get("/pixel?x=24&y=0").status, 204);
     assert_eq!(server.get("/pixel?x=a").status, 400);
     // a snapshot stays while other settings are rendered
-    assert_eq!(server.get("/picture.png?of=snapshot").status, 409);
+    assert_eq!(server.get("/picture.png?of=snapshot").status, 204);
     assert_eq!(server.post("/snapshot", "").status, 200);
     let settings =
         r#"{"integrator":"path","lanes":8,"aim":"off","regularize":"auto","epsilon":null}"#;

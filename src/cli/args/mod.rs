@@ -123,6 +123,61 @@ mod tests {
         Arguments::command().debug_assert();
     }
 
+    /// The words of a command as a shell reads them, without what it does with the output.
+    fn words(command: &str) -> Vec<String> {
+        let (mut words, mut word, mut quote) = (Vec::new(), String::new(), None);
+        for c in command.chars().chain([' ']) {
+            match (c, quote) {
+                ('\'' | '"', None) => quote = Some(c),
+                (c, Some(end)) if c == end => quote = None,
+                (' ', None) => {
+                    words.extend(Some(std::mem::take(&mut word)).filter(|w| !w.is_empty()));
+                }
+                (c, _) => word.push(c),
+            }
+        }
+        let end = |w: &String| ["#", "|", ">", "&&", "||", ";"].contains(&w.as_str());
+        // names in capitals stand for a number or a file
+        let stands_in = |w: &String| w.chars().all(|c| c.is_ascii_uppercase());
+        let given = |w: String| if stands_in(&w) { "7".to_owned() } else { w };
+        words
+            .into_iter()
+            .take_while(|w| !end(w))
+            .map(given)
+            .collect()
+    }
+
+    #[test]
+    fn the_commands_of_the_documentation_are_understood() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let pages = std::fs::read_dir(root.join("docs")).expect("docs");
+        let pages = pages.map(|entry| entry.expect("an entry").path());
+        let mut count = 0;
+        for page in pages.chain([root.join("README.md"), root.join("scenes/README.md")]) {
+            let text = std::fs::read_to_string(&page).expect("a page");
+            for block in text.split("```sh\n").skip(1) {
+                let block = block.split("```").next().unwrap_or_default();
+                let block = block.replace("\\\n", " ");
+                let commands = block.lines().filter(|line| line.starts_with("abbe "));
+                for command in commands {
+                    // variables of loops stand for values that only a shell knows
+                    if command.contains('$') {
+                        continue;
+                    }
+                    count += 1;
+                    let parsed = Arguments::try_parse_from(words(command));
+                    let place = page.display();
+                    assert!(
+                        parsed.is_ok(),
+                        "{place}: {command}\n{}",
+                        parsed.unwrap_err()
+                    );
+                }
+            }
+        }
+        assert!(count > 50, "only {count} commands seen");
+    }
+
     #[test]
     fn options_become_overrides_and_set_comes_last() {
         let options = render(&[

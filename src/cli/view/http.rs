@@ -79,6 +79,14 @@ impl Response {
         }
     }
 
+    /// An answer without a body: what was asked for is not there yet.
+    pub fn nothing_yet() -> Self {
+        Self {
+            status: 204,
+            ..Self::of("text/plain; charset=utf-8", "")
+        }
+    }
+
     /// A refusal, in words.
     pub fn refusal(status: u16, message: &str) -> Self {
         Self {
@@ -102,6 +110,7 @@ const HEADERS: &str = "Connection: close\r\n\
 fn reason(status: u16) -> &'static str {
     match status {
         200 => "OK",
+        204 => "No Content",
         400 => "Bad Request",
         401 => "Unauthorized",
         403 => "Forbidden",
@@ -176,8 +185,8 @@ fn converse(stream: &TcpStream, answer: &dyn Fn(&Request) -> Response) -> io::Re
     send(stream, &response)
 }
 
-/// Reads what is left of a request that was refused, for a while: a connection that is closed before
-/// is reset, and the refusal lost.
+/// Reads what is left of a request that was refused, for a while: a connection that is closed
+/// before is reset, and the refusal lost.
 fn ignore_rest(stream: &TcpStream) -> io::Result<()> {
     stream.shutdown(Shutdown::Write)?;
     let (end, mut ignored) = (Instant::now() + LINGER, Vec::new());

@@ -1,4 +1,4 @@
-//! What the server answers to which request.
+//! Answers of the server, request by request.
 
 use super::guard::Guard;
 use super::http::{Method, Request, Response};
@@ -21,6 +21,8 @@ pub fn answer(request: &Request, guard: &Guard, studio: &Studio) -> Response {
         (Method::Get, "/view.js") => return Response::of("text/javascript; charset=utf-8", SCRIPT),
         (Method::Get, "/plot.js") => return Response::of("text/javascript; charset=utf-8", PLOT),
         (Method::Get, "/view.css") => return Response::of("text/css; charset=utf-8", STYLE),
+        // browsers ask on their own
+        (Method::Get, "/favicon.ico") => return Response::nothing_yet(),
         (Method::Post, "/session") => return guard.exchange(&request.body),
         _ => {}
     }
@@ -59,6 +61,6 @@ fn pixel(request: &Request, studio: &Studio) -> Result<Response, Response> {
     let pixel = number("x").zip(number("y"));
     let (x, y) = pixel.ok_or_else(|| Response::refusal(400, "expected x and y"))?;
     let found = studio.stage().and_then(|stage| stage.pixel(x, y));
-    let found = found.ok_or_else(|| Response::refusal(409, "there is no such pixel"))?;
+    let found = found.ok_or_else(Response::nothing_yet)?;
     Ok(json(&found))
 }

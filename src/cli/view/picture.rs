@@ -86,10 +86,10 @@ pub fn show(request: &Request, studio: &Studio) -> Result<Response, Response> {
     let layer = request.query.get("layer").map(String::as_str);
     let layer = layer.filter(|name| !name.is_empty());
     if request.query.get("of").is_some_and(|of| of == "snapshot") {
-        let snapshot = studio.snapshot().ok_or_else(nothing)?;
+        let snapshot = studio.snapshot().ok_or_else(Response::nothing_yet)?;
         return png(&snapshot.image, None, request);
     }
-    let stage = studio.stage().ok_or_else(nothing)?;
+    let stage = studio.stage().ok_or_else(Response::nothing_yet)?;
     let image = match layer {
         Some("error") => stage.image_with_error(),
         _ => stage.image(),
@@ -97,11 +97,10 @@ pub fn show(request: &Request, studio: &Studio) -> Result<Response, Response> {
     if let Some(image) = image {
         return png(&image, layer, request);
     }
-    let Subject::Render {
-        look: Some(look), ..
-    } = &stage.subject
-    else {
-        return Err(nothing());
+    let look = match &stage.subject {
+        // light that only merged photons bring is not in it
+        Subject::Look(look) | Subject::Render { look, .. } if !look.is_black() => look,
+        _ => return Err(Response::nothing_yet()),
     };
     let base = if stage.is_detector {
         Development::MEASUREMENT

@@ -31,11 +31,13 @@ const BLOCK: u32 = 4;
 const BINS: u64 = 24;
 const SPECTRAL_BYTES: u64 = 512 << 20;
 
-/// What is looked at.
+/// Subject of the page: a scene or model, or an image.
 #[derive(Debug)]
 pub enum Subject {
-    /// A render, with the look at it before its first pass.
-    Render { view: View, look: Option<Look> },
+    /// The first look at a render that is being prepared.
+    Look(Look),
+    /// A render, with the look at it until its first pass is done.
+    Render { view: View, look: Look },
     /// An image of a file.
     Image(ExrImage),
 }
@@ -48,6 +50,8 @@ pub struct Stage {
     /// File and sensor.
     pub name: String,
     pub subject: Subject,
+    /// Columns and rows of the picture.
+    size: (u32, u32),
     /// Settings of a render.
     settings: Option<Settings>,
     /// Whether irradiance is measured.
@@ -99,7 +103,7 @@ struct Shared {
 enum Wanted {
     /// The scene as it is, from its first pass on.
     Render,
-    /// What the file holds now.
+    /// The file as it is now.
     Load,
 }
 
@@ -153,7 +157,7 @@ impl Studio {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What is looked at; `None` until there is something.
+    /// The picture and what belongs to it; `None` until there is one.
     pub fn stage(&self) -> Option<Arc<Stage>> {
         self.shared().stage.clone()
     }
@@ -168,6 +172,7 @@ impl Studio {
         let stage = self.stage()?;
         let image = stage.image()?;
         let text = match &stage.subject {
+            Subject::Look(_) => return None,
             Subject::Image(_) => stage.name.clone(),
             Subject::Render { view, .. } => {
                 let render = view.read();
@@ -248,7 +253,7 @@ impl Studio {
                 }
             }
             if let Some(loaded) = &scene {
-                let rendered = self.render(loaded, cancel, pool);
+                let rendered = self.render(loaded, &cancel, pool);
                 let mut shared = self.shared();
                 shared.problem = rendered.err().map(|e| e.to_string());
             }
@@ -292,8 +297,9 @@ impl Studio {
             SensorResponse::Xyz
         };
         let stage = Stage {
-            version: 0,
+            version: self.next_version(),
             name: self.name(),
+            size: (image.crop.width(), image.crop.height()),
             settings: None,
             is_detector: text(identity::SENSOR_KIND) == identity::DETECTOR,
             unit: response.photometric_unit(),
@@ -311,15 +317,18 @@ impl Studio {
         name.to_string_lossy().into_owned()
     }
 
-    fn show(&self, stage: Stage) {
+    fn next_version(&self) -> u64 {
         let mut shared = self.shared();
         shared.version += 1;
-        let version = shared.version;
-        shared.stage = Some(Arc::new(Stage { version, ..stage }));
+        shared.version
+    }
+
+    fn show(&self, stage: Stage) {
+        self.shared().stage = Some(Arc::new(stage));
     }
 
     /// Renders to the last pass, or until something else is wanted.
-    fn render(&self, loaded: &Loaded, cancel: Cancel, pool: &ThreadPool) -> Result<(), CliError> {
+    fn render(&self, loaded: &Loaded, cancel: &Cancel, pool: &ThreadPool) -> Result<(), CliError> {
         let sensor = loaded.sensor(self.sensor.as_deref())?;
         let chosen = self.shared().chosen.clone();
         let settings = match chosen {
@@ -345,7 +354,21 @@ impl Studio {
                 ..Standing::default()
             };
         }
-        let pixels = loaded.scene.sensors[sensor].whole_film().pixels();
+        let film = loaded.scene.sensors[sensor].whole_film();
+        let (pixels, response) = (film.pixels(), loaded.response());
+        let first_look = || Look::new(&loaded.scene, sensor, &settings, response, BLOCK);
+        let look = pool.install(first_look);
+        let version = self.next_version();
+        let stage = |subject: Subject| Stage {
+            version,
+            name: format!("{}: {}", self.name(), loaded.scene.sensors[sensor].name),
+            size: (film.width(), film.height()),
+            is_detector: identity::is_detector(&loaded.scene, sensor),
+            unit: response.photometric_unit(),
+            settings: Some(settings.clone()),
+            subject,
+        };
+        self.show(stage(Subject::Look(look.clone())));
         let bins = (SPECTRAL_BYTES / 64 / pixels).min(BINS) as u16;
         let options = SessionOptions {
             sensor,
@@ -357,19 +380,8 @@ impl Studio {
         let scene = Arc::clone(&loaded.scene);
         let begun = pool.install(|| Session::new(scene, &settings, options));
         let mut session = begun?;
-        let look = pool.install(|| session.render().look(BLOCK));
-        self.show(Stage {
-            version: 0,
-            name: format!("{}: {}", self.name(), loaded.scene.sensors[sensor].name),
-            is_detector: identity::is_detector(&loaded.scene, sensor),
-            unit: loaded.response().photometric_unit(),
-            settings: Some(settings),
-            subject: Subject::Render {
-                // light that only merged photons bring is not in the look
-                look: look.xyz.iter().any(|v| *v > 0.0).then_some(look),
-                view: session.view(),
-            },
-        });
+        let view = session.view();
+        self.show(stage(Subject::Render { view, look }));
         self.shared().standing.phase = "rendering";
         loop {
             let state = pool.install(|| session.step());
@@ -425,6 +437,7 @@ impl Stage {
     /// The image as the command line writes it. `None` before the first pass.
     pub fn image(&self) -> Option<ExrImage> {
         match &self.subject {
+            Subject::Look(_) => None,
             Subject::Image(image) => Some(image.clone()),
             Subject::Render { view, .. } => {
                 let render = view.read();
@@ -442,21 +455,10 @@ impl Stage {
         Some(image)
     }
 
-    /// Columns and rows of the picture.
-    pub fn size(&self) -> (u32, u32) {
-        match &self.subject {
-            Subject::Image(image) => (image.crop.width(), image.crop.height()),
-            Subject::Render { view, .. } => {
-                let crop = view.read().crop();
-                (crop.width(), crop.height())
-            }
-        }
-    }
-
     /// Layers that can be shown, besides the picture itself.
     fn layers(&self) -> Vec<String> {
         match &self.subject {
-            Subject::Render { .. } => vec!["error".to_owned()],
+            Subject::Look(_) | Subject::Render { .. } => vec!["error".to_owned()],
             Subject::Image(image) => {
                 let names = image.channels.iter();
                 let names = names.filter_map(|c| Some(c.name.rsplit_once('.')?.0.to_owned()));
@@ -469,7 +471,7 @@ impl Stage {
     }
 
     fn facts(&self) -> Value {
-        let (width, height) = self.size();
+        let (width, height) = self.size;
         json!({
             "version": self.version,
             "name": self.name,
@@ -486,7 +488,7 @@ impl Stage {
 
     /// A pixel from the top left: XYZ, luminance and spectrum.
     pub fn pixel(&self, x: u32, y: u32) -> Option<Value> {
-        let (width, height) = self.size();
+        let (width, height) = self.size;
         if x >= width || y >= height {
             return None;
         }
@@ -496,6 +498,7 @@ impl Stage {
                 let value = |name: &str| Some(f64::from(*image.channel(name)?.get(index)?));
                 (["X", "Y", "Z"].map(|name| value(name).unwrap_or(0.0)), None)
             }
+            Subject::Look(_) => return None,
             Subject::Render { view, .. } => render_pixel(&view.read(), x, y)?,
         };
         Some(json!({

@@ -241,10 +241,10 @@ impl ObjectKeys {
         table: &Table<'_>,
         cx: &mut Reader<'_>,
     ) {
-        if let (Some(interior), Some((shape, _))) = (&self.interior, shape) {
-            if let Some(message) = no_interior(shape) {
-                cx.conflict(&interior.at, message);
-            }
+        if let (Some(interior), Some((shape, _))) = (&self.interior, shape)
+            && let Some(message) = no_interior(shape)
+        {
+            cx.conflict(&interior.at, message);
         }
         if self.medium.is_some() && self.emission.is_none() {
             let message = "medium is for objects with emission only";

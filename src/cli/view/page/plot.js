@@ -16,7 +16,8 @@ function hue(nm) {
 function shortNumber(value) {
   if (value === 0) return "0";
   const size = Math.abs(value);
-  return size >= 0.01 && size < 10000 ? value.toPrecision(3) : value.toExponential(1);
+  if (size < 0.001 || size >= 1e7) return value.toExponential(2);
+  return size < 1000 ? value.toPrecision(3) : String(Number(value.toPrecision(3)));
 }
 
 export function drawSpectrum(canvas, spectrum) {

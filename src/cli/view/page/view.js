@@ -13,6 +13,7 @@ let place = null; // { scale, x, y }: where the picture lies, CSS pixels; null: 
 let pixel = null; // the pixel looked at
 let pinned = false;
 let busy = false;
+let stale = false; // asked for again while busy
 
 async function ask(path, options) {
   const response = await fetch(path, { credentials: "same-origin", ...options });
@@ -27,6 +28,14 @@ const post = (path, body) => ask(path, { method: "POST", body });
 function problem(text) {
   $("problem").textContent = text || "";
   $("problem").hidden = !text;
+}
+
+// What a click has come to, for a few seconds.
+let said = { text: "", until: 0 };
+
+function say(text) {
+  said = { text, until: Date.now() + 6000 };
+  problem(text);
 }
 
 // ---- how things stand
@@ -62,7 +71,10 @@ function showStatus() {
   }
   $("status").textContent = parts.join(" · ");
   $("progress").value = state.all ? state.passes / state.all : phase === "image" ? 1 : 0;
-  problem(state.problem);
+  problem(state.problem || (Date.now() < said.until ? said.text : ""));
+  const saves = phase === "image" || state.passes > 0;
+  for (const id of ["save-exr", "save-png"]) $(id).setAttribute("aria-disabled", String(!saves));
+  $("snap").disabled = !saves;
 }
 
 function fill(select, names, keep) {
@@ -121,11 +133,13 @@ function query(more) {
 
 async function load(path) {
   const response = await ask(path);
+  if (response.status === 204) return null;
   const image = await createImageBitmap(await response.blob());
   return { image, stops: response.headers.get("X-Stops"), clipped: response.headers.get("X-Clipped") };
 }
 
 async function refresh() {
+  stale = busy;
   if (busy || !state?.stage) return;
   busy = true;
   try {
@@ -133,6 +147,8 @@ async function refresh() {
     const key = `${version} ${state.passes} ${wanted}`;
     if (key !== shown.key) {
       const loaded = await load(`picture.png?${wanted}`);
+      // the picture before stays until there is one
+      if (!loaded) return;
       shown = { ...loaded, key };
       const clipped = Number(loaded.clipped) > 0.05 ? `, ${percent(Number(loaded.clipped))} clipped` : "";
       const sign = Number(loaded.stops) >= 0 ? "+" : "";
@@ -144,13 +160,15 @@ async function refresh() {
     }
     const before = `${state.snapshot} ${query({})}`;
     if (state.snapshot !== null && before !== held.key) {
-      held = { ...(await load(`picture.png?${query({ of: "snapshot" })}`)), key: before };
+      const loaded = await load(`picture.png?${query({ of: "snapshot" })}`);
+      if (loaded) held = { ...loaded, key: before };
       draw();
     }
   } catch (error) {
-    if (error.status !== 409) problem(error.message);
+    say(error.message);
   } finally {
     busy = false;
+    if (stale) refresh();
   }
 }
 
@@ -213,7 +231,9 @@ async function look(quiet) {
   }
   looking = true;
   try {
-    const found = await (await ask(`pixel?x=${pixel.x}&y=${pixel.y}`)).json();
+    const response = await ask(`pixel?x=${pixel.x}&y=${pixel.y}`);
+    if (response.status === 204) return;
+    const found = await response.json();
     $("at").textContent = `${found.x}, ${found.y}${pinned ? " (held)" : ""}`;
     $("xyz").textContent = found.xyz.map(shortNumber).join(", ");
     $("luminance").textContent = `${shortNumber(found.luminance)} ${found.unit}`;
@@ -222,7 +242,7 @@ async function look(quiet) {
       ? `over nm; per nm, W/${state.stage.detector ? "m²" : "(m² sr)"}`
       : "";
   } catch (error) {
-    if (!quiet && error.status !== 409) problem(error.message);
+    if (!quiet) say(error.message);
   } finally {
     looking = false;
     if (again) {
@@ -355,6 +375,13 @@ new ResizeObserver(draw).observe(canvas);
 
 // ---- choices
 
+// before the first pass there is nothing to save
+for (const link of [$("save-exr"), $("save-png")]) {
+  link.addEventListener("click", (event) => {
+    if (state?.phase !== "image" && !(state?.passes > 0)) event.preventDefault();
+  });
+}
+
 $("exposure").addEventListener("input", () => {
   $("auto").checked = false;
   refresh();
@@ -368,7 +395,7 @@ $("snap").addEventListener("click", async () => {
     held = { image: null, key: "" };
     await poll(false);
   } catch (error) {
-    problem(error.message);
+    say(error.message);
   }
 });
 
@@ -376,8 +403,12 @@ for (const control of document.querySelectorAll("[data-setting]")) {
   control.addEventListener("change", async () => {
     const epsilon = $("epsilon").value.trim();
     const number = epsilon === "" || epsilon === "auto" ? null : Number(epsilon);
-    $("epsilon").classList.toggle("wrong", Number.isNaN(number));
-    if (Number.isNaN(number)) return;
+    const wrong = number !== null && !(number > 0 && number <= Math.PI / 2);
+    $("epsilon").classList.toggle("wrong", wrong);
+    if (wrong) {
+      say("Epsilon is an angle above 0, at most 1.57 radians, or auto.");
+      return;
+    }
     const settings = {
       integrator: $("integrator").value,
       regularize: $("regularize").value,
@@ -387,10 +418,8 @@ for (const control of document.querySelectorAll("[data-setting]")) {
     };
     try {
       await post("settings", JSON.stringify(settings));
-      $("epsilon").classList.remove("wrong");
     } catch (error) {
-      $("epsilon").classList.toggle("wrong", error.message.startsWith("epsilon"));
-      problem(error.message);
+      say(error.message);
     }
   });
 }
