@@ -31,7 +31,7 @@ const BLOCK: u32 = 4;
 const BINS: u64 = 24;
 const SPECTRAL_BYTES: u64 = 512 << 20;
 
-/// Subject of the page: a scene or model, or an image.
+/// Subject of the page: a first look, a render or an image.
 #[derive(Debug)]
 pub enum Subject {
     /// The first look at a render that is being prepared.
