@@ -185,8 +185,8 @@ fn converse(stream: &TcpStream, answer: &dyn Fn(&Request) -> Response) -> io::Re
     send(stream, &response)
 }
 
-/// Reads what is left of a request that was refused, for a while: a connection that is closed before
-/// is reset, and the refusal lost.
+/// Reads what is left of a request that was refused, for a while: a connection that is closed
+/// before is reset, and the refusal lost.
 fn ignore_rest(stream: &TcpStream) -> io::Result<()> {
     stream.shutdown(Shutdown::Write)?;
     let (end, mut ignored) = (Instant::now() + LINGER, Vec::new());

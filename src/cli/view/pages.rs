@@ -1,4 +1,4 @@
-//! What the server answers to which request.
+//! Answers of the server, by request.
 
 use super::guard::Guard;
 use super::http::{Method, Request, Response};

@@ -31,7 +31,7 @@ const BLOCK: u32 = 4;
 const BINS: u64 = 24;
 const SPECTRAL_BYTES: u64 = 512 << 20;
 
-/// What is looked at.
+/// Things to look at.
 #[derive(Debug)]
 pub enum Subject {
     /// The first look at a render that is being prepared.
@@ -103,7 +103,7 @@ struct Shared {
 enum Wanted {
     /// The scene as it is, from its first pass on.
     Render,
-    /// What the file holds now.
+    /// The file as it is now.
     Load,
 }
 
@@ -157,7 +157,7 @@ impl Studio {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What is looked at; `None` until there is something.
+    /// The stage; `None` until there is something to look at.
     pub fn stage(&self) -> Option<Arc<Stage>> {
         self.shared().stage.clone()
     }
