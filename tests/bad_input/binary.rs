@@ -122,7 +122,7 @@ fn damaged_parts() {
         (with(8, &[9]), "version 9, this program reads versions 4 and 5"),
         (
             with(8, &[2]),
-            "version 2, this program reads version 4: render the passes again",
+            "version 2, this program reads versions 4 and 5: render the passes again",
         ),
         (
             with(12, &[255; 4]),

@@ -264,7 +264,7 @@ emission = 5
 "#
         ),
         batches: 16,
-        passes: [110, 110, 44],
+        passes: [110, 220, 60],
         classes: &["LDE", "LDDE"],
         specular_in_view: false,
         resolution: 1.5e-3,
@@ -317,7 +317,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [150, 150, 50],
+        passes: [300, 300, 100],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2e-3,
