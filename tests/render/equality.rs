@@ -264,7 +264,7 @@ emission = 5
 "#
         ),
         batches: 16,
-        passes: [110, 220, 60],
+        passes: [300, 300, 120],
         classes: &["LDE", "LDDE"],
         specular_in_view: false,
         resolution: 1.5e-3,
