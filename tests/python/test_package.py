@@ -16,6 +16,9 @@ import pytest
 import abbe
 from abbe import _processor, _toml
 
+# what a shell starts in its background ignores interrupts, and so would Python
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 ROOT = Path(__file__).parents[2]
 PRISM = ROOT / "scenes/prism.toml"
 BALL = {
