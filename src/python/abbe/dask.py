@@ -17,9 +17,11 @@ import subprocess
 import sys
 import time
 from concurrent.futures import CancelledError
+from typing import Any
 
-import dask
-from distributed import Client, LocalCluster, wait
+# of a package of its own, which types are checked without
+import dask  # type: ignore[import-not-found, import-untyped, unused-ignore]
+from distributed import Client, LocalCluster, wait  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
 PART = re.compile(r"(\d{8,})-(\d{8,})\.part")
 #: Seconds between two looks at the folder, and until a scheduler that is gone is tried again.
@@ -41,7 +43,8 @@ def done(job: pathlib.Path) -> set[int]:
 def chunk_count(job: pathlib.Path) -> int:
     """Number of chunks of a job."""
     manifest = json.loads((job / "job.json").read_text())
-    return -(-manifest["passes"] // manifest["chunk"])
+    passes, chunk = int(manifest["passes"]), int(manifest["chunk"])
+    return -(-passes // chunk)
 
 
 def render(abbe: str, job: str, chunk: int, threads: int) -> int:
@@ -55,7 +58,8 @@ def render(abbe: str, job: str, chunk: int, threads: int) -> int:
 
 def missing(job: pathlib.Path, count: int, most: int, skip: set[int]) -> list[int]:
     """The first chunks that are neither done nor among those to skip."""
-    there, found = done(job), []
+    there = done(job)
+    found: list[int] = []
     for chunk in range(count):
         if len(found) == most:
             break
@@ -69,7 +73,8 @@ def drive(client: Client, job: pathlib.Path, abbe: str, threads: int, retries: i
 
     :raises Over: where a task ended well and its chunk is not there.
     """
-    count, flying = chunk_count(job), {}
+    count = chunk_count(job)
+    flying: dict[int, Any] = {}
     while len(done(job)) < count:
         slots = max(1, sum(w["nthreads"] for w in client.scheduler_info(n_workers=-1)["workers"].values()))
         for chunk in missing(job, count, AHEAD * slots - len(flying), set(flying)):
