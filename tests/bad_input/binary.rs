@@ -119,7 +119,10 @@ fn damaged_parts() {
             "there is more after the last sum",
         ),
         (with(0, b"x"), "no part file begins like this"),
-        (with(8, &[9]), "version 9, this program reads versions 4 and 5"),
+        (
+            with(8, &[9]),
+            "version 9, this program reads versions 4 and 5",
+        ),
         (
             with(8, &[2]),
             "version 2, this program reads versions 4 and 5: render the passes again",
