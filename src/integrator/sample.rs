@@ -57,7 +57,7 @@ pub struct SensorJob<'a> {
     /// Light sub-paths that are traced.
     pub light_walks: LightWalks,
     /// Light sub-paths of a pass, by the wavelength of its set that is their hero.
-    light_paths: Vec<u64>,
+    paths_by_hero: Vec<u64>,
 }
 
 impl<'a> SensorJob<'a> {
@@ -94,21 +94,21 @@ impl<'a> SensorJob<'a> {
             with_raw,
             detailed: with_raw,
             light_walks: LightWalks::AsOften,
-            light_paths: light_paths(crop, heroes),
+            paths_by_hero: paths_by_hero(crop, heroes),
         }
     }
 
     /// Number of wavelengths of a shared set that take turns as heroes.
     #[must_use]
     pub fn heroes(&self) -> u32 {
-        self.light_paths.len() as u32
+        self.paths_by_hero.len() as u32
     }
 
     /// The strategies of a pass for the paths of one pixel.
     pub(super) fn strategies_of(&self, pass: &PassSettings, pixel: (u32, u32)) -> StrategySet<'a> {
         let samples = match (pass.merge_radius, &pass.shared) {
             (Some(radius), Some(shared)) => {
-                let paths = self.light_paths[shared.hero(pixel) as usize];
+                let paths = self.paths_by_hero[shared.hero(pixel) as usize];
                 std::f64::consts::PI * radius * radius * paths as f64
             }
             _ => 0.0,
@@ -148,7 +148,7 @@ fn lanes(scene: &Scene, settings: &Settings) -> usize {
 }
 
 /// Pixels of the crop by their hero.
-fn light_paths(crop: &Crop, heroes: u32) -> Vec<u64> {
+fn paths_by_hero(crop: &Crop, heroes: u32) -> Vec<u64> {
     let shared = SharedSample {
         heroes,
         ..SharedSample::default()

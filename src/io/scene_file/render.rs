@@ -66,9 +66,6 @@ impl Value for Unit {
     }
 }
 
-/// A half-aperture in radians, or `"auto"`.
-pub struct Epsilon(Option<f64>);
-
 named! {
     /// A value that is found from the scene.
     pub enum Automatic {
@@ -76,28 +73,11 @@ named! {
     }
 }
 
-impl Value for Epsilon {
-    fn form() -> Form {
-        Form::Any(vec![f64::form(), Automatic::form()])
-    }
-
-    fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
-        if node.get_ref().is_str() {
-            return Automatic::read(node, spec, cx).map(|_| Self(None));
-        }
-        number(node, spec, "an angle in radians or \"auto\"", cx).map(|v| Self(Some(v)))
-    }
-
-    fn show(&self) -> String {
-        Automatic::Auto.show()
-    }
-}
-
-/// A number that `"auto"` leaves to the program.
+/// A number that `"auto"` leaves to the program; `ANGLE`: in radians.
 #[derive(Clone, Copy, Debug)]
-pub struct Found(Option<f64>);
+pub struct OrAuto<const ANGLE: bool>(Option<f64>);
 
-impl Value for Found {
+impl<const ANGLE: bool> Value for OrAuto<ANGLE> {
     fn form() -> Form {
         Form::Any(vec![f64::form(), Automatic::form()])
     }
@@ -106,7 +86,12 @@ impl Value for Found {
         if node.get_ref().is_str() {
             return Automatic::read(node, spec, cx).map(|_| Self(None));
         }
-        number(node, spec, "a number or \"auto\"", cx).map(|v| Self(Some(v)))
+        let expected = if ANGLE {
+            "an angle in radians or \"auto\""
+        } else {
+            "a number or \"auto\""
+        };
+        number(node, spec, expected, cx).map(|v| Self(Some(v)))
     }
 
     fn show(&self) -> String {
@@ -251,15 +236,15 @@ keys! {
         /// Weighting of strategies.
         weights: Heuristic, default Settings::default().heuristic;
         /// Probability of trying a connection between two inner vertices.
-        pair_probability: Found, in PROBABILITY, default Found(None);
+        pair_probability: OrAuto<false>, in PROBABILITY, default OrAuto(None);
         /// Light sub-paths per camera sub-path, without merging; a fraction is a probability.
-        light_paths: Found, in LIGHT_PATHS, default Found(None);
+        light_paths: OrAuto<false>, in LIGHT_PATHS, default OrAuto(None);
         /// Whether mirrors and smooth glass are connectible within a small cone.
         regularize: Regularize, default Regularization::default().mode;
         /// Which chains of mirrors and smooth glass are solved for.
         aim: Aiming, default Settings::default().aim;
         /// Half-aperture of the first pass's cone; pass p has ε (p + 1)^(-1/6).
-        epsilon: Epsilon, in CONE, unit "radians", default Epsilon(None);
+        epsilon: OrAuto<true>, in CONE, unit "radians", default OrAuto(None);
         /// Least half-aperture.
         epsilon_min: f64, in LEAST_CONE, unit "radians", default Regularization::default().epsilon_min;
         /// The strategy of `regularize = "single"`.
