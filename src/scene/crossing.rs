@@ -19,8 +19,8 @@ use glam::DVec3;
 pub struct Crossing {
     /// Which of the faces is met.
     pub met: usize,
-    /// The solids behind all of it.
-    pub behind: MediumStack,
+    /// The solids behind all of it, where its faces are boundaries of any.
+    pub behind: Option<MediumStack>,
     /// Whether it is no more than a change of solids, without a change of the medium.
     pub clear: bool,
     /// A solid that is left but was never entered (or the reverse), or an interface whose named
@@ -78,6 +78,7 @@ pub fn alone(objects: &[Object], faces: &[Face]) -> Option<usize> {
 ///
 /// # Errors
 /// Where more solids are nested behind than a stack holds.
+#[inline]
 pub fn resolve(
     objects: &[Object],
     faces: &[Face],
@@ -132,7 +133,7 @@ pub fn resolve(
     Ok(Crossing {
         clear: !is_alone && objects[id(met).0 as usize].clear && behind.medium() == stack.medium(),
         met,
-        behind,
+        behind: Some(behind),
         mismatch,
     })
 }
@@ -147,18 +148,22 @@ fn resolve_alone(
 ) -> Result<Crossing, NestedTooDeep> {
     let id = face.point.id.instance;
     let object = &objects[id.0 as usize];
-    let boundary = if face.folded {
-        Boundary::None
-    } else {
-        object.boundary
-    };
+    let boundary = object.boundary;
+    if face.folded || boundary == Boundary::None {
+        return Ok(Crossing {
+            met: 0,
+            clear: object.clear,
+            behind: None,
+            mismatch: None,
+        });
+    }
     let entering = d.dot(face.point.ng) < 0.0;
     let agrees = stack.agrees(boundary, id, entering);
     let behind = stack.crossed(boundary, id, entering).ok_or(NestedTooDeep)?;
     Ok(Crossing {
         met: 0,
         clear: object.clear && behind.medium() == stack.medium(),
-        behind,
+        behind: Some(behind),
         mismatch: (!agrees).then_some(id),
     })
 }
@@ -277,7 +282,7 @@ impl SceneAt<'_> {
             });
             if !faces.is_empty() {
                 match resolve(&self.objects, &faces, &stack, ray.d) {
-                    Ok(crossing) if crossing.clear => stack = crossing.behind,
+                    Ok(crossing) if crossing.clear => stack = crossing.behind.unwrap_or(stack),
                     _ => return (0.0, stack),
                 }
             }

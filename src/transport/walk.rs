@@ -11,7 +11,7 @@ use super::throughput::Throughput;
 use crate::bsdf::{BsdfSample, Side};
 use crate::geometry::{DirectionalDensity, EndPoint, Face, Faces, Ray, SurfacePoint};
 use crate::math::frame::Frame;
-use crate::medium::{Boundary, MediumStack};
+use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
 use crate::scene::Scene;
 use crate::scene::crossing::resolve;
@@ -148,8 +148,10 @@ pub fn walk(
         if crossing.clear {
             ray = Ray::leaving(point.p, ray.d, Some(point.id));
             passed = distance;
-            stack = behind;
-            here = path.store_stack(&stack);
+            if let Some(behind) = behind {
+                stack = behind;
+                here = path.store_stack(&stack);
+            }
             continue;
         }
         let point = faces[crossing.met].point;
@@ -171,12 +173,11 @@ pub fn walk(
         let geometric_cos = ray.d.dot(point.ng).abs();
         let own = travel.area_density(geometric_cos, distance * distance);
         // the stack behind is seldom another one, and long
-        let there = if changes_stack(&scene, faces) {
-            path.store_stack(&behind)
-        } else {
-            here
+        let (medium_behind, there) = match &behind {
+            Some(behind) => (behind.medium(), path.store_stack(behind)),
+            None => (stack.medium(), here),
         };
-        let (mut media, mut stacks) = ([stack.medium(), behind.medium()], [here, there]);
+        let (mut media, mut stacks) = ([stack.medium(), medium_behind], [here, there]);
         if !entering {
             media.reverse();
             stacks.reverse();
@@ -252,7 +253,9 @@ pub fn walk(
         }
         throughput = throughput.scaled(1.0 / survival);
         let vertex = &path.vertices[index];
-        if (w.dot(vertex.ng) > 0.0) != (vertex.toward_previous.dot(vertex.ng) > 0.0) {
+        if let Some(behind) = behind
+            && (w.dot(vertex.ng) > 0.0) != (vertex.toward_previous.dot(vertex.ng) > 0.0)
+        {
             stack = behind;
             here = there;
         }
@@ -264,12 +267,6 @@ pub fn walk(
         passed = 0.0;
         crossings = 0;
     }
-}
-
-/// Whether there are other solids behind the faces than before them.
-fn changes_stack(scene: &Scene, faces: &[Face]) -> bool {
-    let boundary = |face: &Face| scene.object(face.point.id.instance).boundary;
-    faces.iter().any(|face| boundary(face) != Boundary::None)
 }
 
 /// Stochastic alpha test: whether a walk goes straight on at a surface that covers only in part,

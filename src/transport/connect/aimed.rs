@@ -351,13 +351,14 @@ impl<'a> Joiner<'a> {
                 return 0.0;
             };
             let from_above = ray.d.dot(place.ng) < 0.0;
-            let sides = [arrived.medium(), crossing.behind.medium()];
+            let behind = crossing.behind.unwrap_or(arrived);
+            let sides = [arrived.medium(), behind.medium()];
             if sides != [usize::from(!from_above), usize::from(from_above)].map(|k| place.media[k])
             {
                 return 0.0;
             }
             let transmits = (next.d.dot(place.ng) < 0.0) == from_above;
-            stack = if transmits { crossing.behind } else { arrived };
+            stack = if transmits { behind } else { arrived };
         }
         open
     }
