@@ -30,10 +30,14 @@ const FIRST_PASS: u32 = u32::MAX - 32;
 /// a film that they are at most.
 const PIXELS: [(u32, u64); 3] = [(4, 1024), (1, 256), (0, 64)];
 const PIXELS_SHARE: u64 = 8;
-/// Probabilities that may be chosen, from the largest down, and that of what nothing else makes and
-/// the pilot has not seen.
+/// Kinds up to which the pilot takes as many: it tries all of them at every vertex.
+const FEW_KINDS: usize = 64;
+/// Probabilities that may be chosen, from the largest down.
 const SHARES: [f64; 6] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.0];
+/// Largest probability of what nothing else makes and the pilot has not seen, and how many such
+/// kinds a vertex tries at most on average.
 const UNSEEN: f64 = 0.0625;
+const MOST_UNSEEN: f64 = 1.0;
 /// Share of the samples that are left out of what others scatter, the largest ones.
 const TRIMMED: f64 = 1e-3;
 /// Rounds of the search.
@@ -169,7 +173,8 @@ pub fn choose(
     let mut job = SensorJob::new(frame.scene, frame.sensor, &settings, &crop, false);
     job.detailed = true;
     let most = PIXELS.iter().find(|(passes, _)| length.0 >= *passes);
-    let most = most.map_or(0, |(_, pixels)| *pixels);
+    let most =
+        most.map_or(0, |(_, pixels)| *pixels) * FEW_KINDS as u64 / kinds.max(FEW_KINDS) as u64;
     let count = (crop.pixels() / PIXELS_SHARE).clamp(1, most) as usize;
     let pixels: Vec<(u32, u32)> = lattice(&crop).take(count).collect();
     let regions = Regions::new(crop);
@@ -214,7 +219,14 @@ pub fn choose(
         })
         .collect();
     let samples = u64::from(PASSES) * pixels.len() as u64;
-    let shares = Balance::new(&pixels, &needed(frame, kinds), regions).shares();
+    let mut balance = Balance::new(&pixels, &needed(frame, kinds), regions);
+    // a cone makes what the pilot has not seen
+    balance.unseen = if cone.is_some() && !asks_for_all(frame) {
+        0.0
+    } else {
+        unseen(kinds)
+    };
+    let shares = balance.shares();
     let tries =
         Tries::new(kinds, shares).expect("invariant: a share of each kind from each origin");
     Some(TriesChoice::new(tries, samples))
@@ -223,14 +235,26 @@ pub fn choose(
 /// By origin and kind: whether the paths have no other technique that is sure to make them without
 /// a cone, or all chains are asked for. These are never left out.
 fn needed(frame: &SensorJob, kinds: usize) -> Vec<bool> {
-    let strategies = &frame.strategies;
-    let aims = strategies.aims;
-    let all = aims.light_everywhere
-        || aims.sensor_everywhere
-        || !(strategies.hits && strategies.direct && strategies.splats);
+    let all = asks_for_all(frame);
     Origin::all()
         .flat_map(|origin| std::iter::repeat_n(all || origin.is_needed(), kinds))
         .collect()
+}
+
+/// Whether all chains are asked for, or strategies are missing.
+fn asks_for_all(frame: &SensorJob) -> bool {
+    let strategies = &frame.strategies;
+    let aims = strategies.aims;
+    aims.light_everywhere
+        || aims.sensor_everywhere
+        || !(strategies.hits && strategies.direct && strategies.splats)
+}
+
+/// Probability of what nothing else makes and the pilot has not seen, of `kinds` kinds: a power of
+/// two.
+fn unseen(kinds: usize) -> f64 {
+    let most = (MOST_UNSEEN / kinds.max(1) as f64).min(UNSEEN);
+    most.log2().floor().exp2()
 }
 
 /// Variance and cost of a sample, as functions of the probabilities.
@@ -242,6 +266,8 @@ struct Balance {
     /// By origin and kind: second moments at each of [`SHARES`], and the cost if always tried.
     aims: Vec<([f64; SHARES.len()], f64)>,
     needed: Vec<bool>,
+    /// Probability of what is needed and not seen.
+    unseen: f64,
 }
 
 impl Balance {
@@ -298,6 +324,7 @@ impl Balance {
             cost: cost / count,
             aims,
             needed: needed.to_vec(),
+            unseen: 0.0,
         }
     }
 
@@ -328,7 +355,7 @@ impl Balance {
         let share = |(at, &i): (usize, &usize)| {
             let unseen = self.aims[at].0[0] == 0.0;
             let p = match (unseen, self.needed[at]) {
-                (true, true) => UNSEEN,
+                (true, true) => self.unseen,
                 (true, false) => 0.0,
                 (false, _) => SHARES[i],
             };
@@ -340,7 +367,7 @@ impl Balance {
 
 #[cfg(test)]
 mod tests {
-    use super::{Balance, SHARES, UNSEEN};
+    use super::{Balance, SHARES, UNSEEN, unseen};
 
     #[test]
     fn chains_are_tried_as_often_as_they_gain() {
@@ -365,11 +392,16 @@ mod tests {
             cost: 1.0,
             aims,
             needed: vec![false, false, true, false, true, false],
+            unseen: UNSEEN,
         };
         let found = balance.shares();
         assert_eq!(found[..3], [1.0, 0.0, 0.0625]);
         // sqrt(v T / (V t)) is 1/25, below the least probability
         assert_eq!(found[3], 0.0625);
         assert_eq!(found[4..], [UNSEEN as f32, 0.0]);
+        assert_eq!(
+            [1, 16, 17, 600].map(unseen),
+            [0.0625, 0.0625, 0.03125, 1.0 / 1024.0]
+        );
     }
 }

@@ -2,11 +2,12 @@
 //!
 //! A chain runs from the light to the sensor and names each surface, whether it reflects or
 //! transmits, and the media on both sides of it. Listed are single mirrors and interfaces, balls
-//! crossed in one or two chords, and flat faces in a row.
+//! crossed in one or two chords, reflections around the inside of a mirror, and flat faces in a row.
 
 use super::{Scene, probe};
 use crate::geometry::{AccelAt, InstanceId, Placement, Placements, Shape, SurfaceId};
-use crate::medium::MediumId;
+use crate::medium::{Medium, MediumId};
+use crate::spectrum::ior::LINE_D_NM;
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
@@ -226,12 +227,13 @@ impl Chains {
         let mut chains = Self::default();
         chains.singles(&faces);
         chains.balls(&faces);
+        chains.around(&faces);
         let flat: Vec<&Face> = faces
             .iter()
             .filter(|f| f.shape == FaceShape::Flat)
             .collect();
         for length in 2..=MAX_CHAIN {
-            chains.rows(&flat, length, &mut ChainKind::new(), None);
+            chains.rows(&flat, &scene.media, length, &mut ChainKind::new(), None);
         }
         chains.index = (0u32..)
             .zip(&chains.kinds)
@@ -279,10 +281,24 @@ impl Chains {
         }
     }
 
-    /// Flat faces in a row. Of reflections only those of mirrors: glass sends little back.
+    /// Several reflections inside round mirrors.
+    fn around(&mut self, faces: &[Face]) {
+        let is_round = |f: &&Face| f.shape != FaceShape::Flat && !f.transmits;
+        for face in faces.iter().filter(is_round) {
+            for inside in face.links(false).filter(|l| !l.from_above) {
+                for count in 2..=MAX_CHAIN {
+                    self.push(std::iter::repeat_n(inside, count).collect());
+                }
+            }
+        }
+    }
+
+    /// Flat faces in a row. Of reflections those of mirrors, and of two faces those inside glass,
+    /// which may be total: outside it sends little back.
     fn rows(
         &mut self,
         faces: &[&Face],
+        media: &[Medium],
         length: usize,
         so_far: &mut ChainKind,
         last: Option<&Face>,
@@ -296,7 +312,8 @@ impl Chains {
         }
         for face in faces {
             for link in face.links(true).chain(face.links(false)) {
-                if !link.transmits && face.transmits {
+                let is_of_glass = !link.transmits && face.transmits;
+                if is_of_glass && (length > 2 || !can_be_total(media, &link)) {
                     continue;
                 }
                 if let (Some(before), Some(from)) = (so_far.last(), last) {
@@ -309,7 +326,7 @@ impl Chains {
                     }
                 }
                 so_far.push(link);
-                self.rows(faces, length, so_far, Some(face));
+                self.rows(faces, media, length, so_far, Some(face));
                 so_far.pop();
             }
         }
@@ -337,6 +354,16 @@ impl Chains {
             .take_while(|e| e.0 == key)
             .map(|e| e.1 as usize)
             .find(|&kind| self.kinds[kind].as_slice() == links)
+    }
+}
+
+/// Whether a reflection is on the side of the larger index.
+fn can_be_total(media: &[Medium], link: &ChainLink) -> bool {
+    let [n_above, n_below] = link.media.map(|m| media[m.0 as usize].ior.n(LINE_D_NM));
+    if link.from_above {
+        n_above > n_below
+    } else {
+        n_below > n_above
     }
 }
 

@@ -210,7 +210,7 @@ impl Ball {
 }
 
 /// Where a function that is below 0 at `low` stops to be, once.
-fn bisect(f: impl Fn(f64) -> f64, low: f64, high: f64) -> f64 {
+pub(super) fn bisect(f: impl Fn(f64) -> f64, low: f64, high: f64) -> f64 {
     let (mut a, mut b) = (low, high);
     // the value there is off by the square of this
     for _ in 0..32 {

@@ -1,4 +1,4 @@
-//! Reflection off mirrors whose cross-section is a circle: Alhazen's problem.
+//! Reflections off mirrors whose cross-section is a circle; of one, Alhazen's problem.
 //!
 //! On the unit circle, with the ends A and B as complex numbers, P = e^{iφ} reflects A to B (or
 //! lies on a straight line between them) where Im((A − P)(B − P) P̄²) = 0. That is Im(AB e^{−2iφ} −
@@ -9,7 +9,7 @@
 use super::ball::lean;
 use super::roots::{polynomial_roots, root};
 use super::surface::Surface;
-use super::{Bounce, Far, Points};
+use super::{Bounce, Far, MAX_CHAIN, Points, around};
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -24,12 +24,15 @@ fn turn(phi: f64) -> DVec2 {
     DVec2::from_angle(phi)
 }
 
+/// Vertices on the unit circle, from the light to the sensor.
+pub(super) type Circular = ArrayVec<DVec2, MAX_CHAIN>;
+
 /// An end in the plane of the unit circle.
 #[derive(Clone, Copy)]
-struct FlatEnd {
+pub(super) struct FlatEnd {
     /// Where; a direction (of any length) if infinitely far away.
-    at: DVec2,
-    is_infinite: bool,
+    pub at: DVec2,
+    pub is_infinite: bool,
 }
 
 impl FlatEnd {
@@ -134,14 +137,21 @@ fn stationary(far: FlatEnd, to: DVec2, mut found: impl FnMut(DVec2)) {
     }
 }
 
-/// Calls `found` with every candidate for a reflection off a sphere or cylinder, from outside or
-/// inside.
-pub(super) fn solve(bounce: &Bounce, far: &Far, to: DVec3, mut found: impl FnMut(&Points)) {
-    let candidates = |far: FlatEnd, to: DVec2, each: &mut dyn FnMut(DVec2)| {
-        if bounce.from_above {
-            outside(far, to).into_iter().for_each(each);
-        } else {
-            stationary(far, to, each);
+/// Calls `found` with every candidate for a chain of `count` reflections off a sphere or cylinder,
+/// from outside (one) or inside.
+pub(super) fn solve(
+    bounce: &Bounce,
+    count: usize,
+    far: &Far,
+    to: DVec3,
+    mut found: impl FnMut(&Points),
+) {
+    let candidates = |far: FlatEnd, to: DVec2, each: &mut dyn FnMut(&Circular)| {
+        let mut one = |p: DVec2| each(&Circular::from_iter([p]));
+        match (bounce.from_above, count) {
+            (true, _) => outside(far, to).into_iter().for_each(one),
+            (false, 1) => stationary(far, to, &mut one),
+            (false, _) => around::solve(count, far, to, each),
         }
     };
     match bounce.surface {
@@ -164,9 +174,9 @@ pub(super) fn solve(bounce: &Bounce, far: &Far, to: DVec3, mut found: impl FnMut
                 at: flat(a),
                 is_infinite,
             };
-            candidates(end, flat(b), &mut |p| {
-                let p = center + radius * (p.x * x + p.y * y);
-                found(&Points::from_iter([p]));
+            candidates(end, flat(b), &mut |chain| {
+                let lift = |p: &DVec2| center + radius * (p.x * x + p.y * y);
+                found(&chain.iter().map(lift).collect());
             });
         }
         Surface::Cylinder {
@@ -183,20 +193,22 @@ pub(super) fn solve(bounce: &Bounce, far: &Far, to: DVec3, mut found: impl FnMut
                 Far::Direction(w) => (flat(w), true),
             };
             let end = FlatEnd { at: a, is_infinite };
-            candidates(end, b, &mut |p| {
-                // the normal has no part along the axis: heights divide as the lengths across it
-                let across_b = b.distance(p) * radius;
-                let z = match *far {
+            candidates(end, b, &mut |chain| {
+                // normals have no part along the axis: heights divide as the lengths across it
+                let (first, last) = (chain[0], chain[count - 1]);
+                let chord = chain.get(1).map_or(0.0, |p| p.distance(first));
+                let across = |i: usize| b.distance(last) + (count - 1 - i) as f64 * chord;
+                let rise = match *far {
                     Far::Point(x) => {
                         let z_a = (x - center).dot(axis);
-                        let across_a = a.distance(p) * radius;
-                        z_b + (z_a - z_b) * across_b / (across_a + across_b)
+                        (z_a - z_b) / (a.distance(first) + across(0))
                     }
-                    Far::Direction(w) => z_b + w.dot(axis) / a.length() * across_b,
+                    Far::Direction(w) => w.dot(axis) / a.length() * radius,
                 };
-                found(&Points::from_iter([center
-                    + radius * (p.x * x + p.y * y)
-                    + axis * z]));
+                let lift = |(i, p): (usize, &DVec2)| {
+                    center + radius * (p.x * x + p.y * y) + axis * (z_b + rise * across(i))
+                };
+                found(&chain.iter().enumerate().map(lift).collect());
             });
         }
         Surface::Plane { .. } => {}

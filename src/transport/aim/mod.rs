@@ -8,8 +8,9 @@
 //!
 //! Planes: Fermat's path length is convex in the positions on them. Spheres: a chain lies in the
 //! plane of its end points and the center, where one number decides it. Mirrors that are circles in
-//! cross-section: Alhazen's problem, a quartic.
+//! cross-section: Alhazen's problem, a quartic; inside, several reflections by one number again.
 
+mod around;
 pub mod ball;
 pub mod circle;
 pub mod differential;
@@ -95,6 +96,9 @@ pub fn is_solvable(bounces: &[Bounce], eta: &[f64]) -> bool {
     if bounces.iter().all(is_plane) {
         return true;
     }
+    if is_around(bounces) {
+        return true;
+    }
     match bounces {
         [only] => match only.surface {
             Surface::Cylinder { .. } => !only.transmits,
@@ -114,6 +118,12 @@ pub fn is_solvable(bounces: &[Bounce], eta: &[f64]) -> bool {
         }
         [] => false,
     }
+}
+
+/// Whether a chain is reflected inside one sphere or cylinder alone.
+fn is_around(bounces: &[Bounce]) -> bool {
+    let inside = |b: &Bounce| !b.transmits && !b.from_above && b.surface == bounces[0].surface;
+    !matches!(bounces[0].surface, Surface::Plane { .. }) && bounces.iter().all(inside)
 }
 
 /// Calls `found` with every chain between `far` and `to`. Facets are as large as their planes;
@@ -139,7 +149,9 @@ pub fn solve(
                 checked(&points);
             }
         }
-        ([only], _) if !only.transmits => circle::solve(only, far, to, checked),
+        ([first, ..], _) if !first.transmits => {
+            circle::solve(first, bounces.len(), far, to, checked);
+        }
         (_, Surface::Sphere { center, radius }) => {
             let ball = ball::Ball { center, radius };
             match bounces {

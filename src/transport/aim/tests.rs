@@ -45,9 +45,14 @@ enum Kind {
         sphere: bool,
         inside: bool,
     },
+    /// So many reflections inside a mirror.
+    Around {
+        sphere: bool,
+        count: usize,
+    },
 }
 
-const KINDS: [Kind; 15] = [
+const KINDS: [Kind; 18] = [
     Kind::Planes(&[true]),
     Kind::Planes(&[false]),
     Kind::Planes(&[true, true]),
@@ -76,6 +81,18 @@ const KINDS: [Kind; 15] = [
     Kind::Mirror {
         sphere: false,
         inside: true,
+    },
+    Kind::Around {
+        sphere: true,
+        count: 2,
+    },
+    Kind::Around {
+        sphere: false,
+        count: 2,
+    },
+    Kind::Around {
+        sphere: false,
+        count: 4,
     },
 ];
 
@@ -261,7 +278,12 @@ fn random_chain(
             start = random.direction() * r;
             aim = random.direction() * random.next().cbrt();
         }
-        Kind::Mirror { sphere, inside } => {
+        Kind::Mirror { .. } | Kind::Around { .. } => {
+            let (sphere, inside, count) = match kind {
+                Kind::Mirror { sphere, inside } => (sphere, inside, 1),
+                Kind::Around { sphere, count } => (sphere, true, count),
+                _ => unreachable!(),
+            };
             let axis = random.direction();
             let surface = if sphere {
                 unit_sphere
@@ -272,8 +294,8 @@ fn random_chain(
                     radius: world.scale,
                 }
             };
-            bounces.push(bounce(surface, false, !inside));
-            eta.extend([1.0, 1.0]);
+            bounces.extend(vec![bounce(surface, false, !inside); count]);
+            eta.extend(vec![1.0; count + 1]);
             // into a ring also over its rim
             let far = if inside {
                 random.between(0.0, 2.0)
@@ -300,6 +322,10 @@ fn random_chain(
         }
     }
     let (points, o, d) = trace(&bounces, &eta, to, direction)?;
+    // along a ring positions lose digits
+    if (points.iter()).any(|p| p.distance(world.point(DVec3::ZERO)) > 8.0 * world.scale) {
+        return None;
+    }
     let far = if random.next() < 0.2 && !matches!(kind, Kind::Through { light_inside: true }) {
         Far::Direction(d)
     } else {

@@ -1,0 +1,145 @@
+//! Reflections in a row along the inside of a mirror whose cross-section is a circle.
+//!
+//! In the unit circle all chords of a chain have one distance h from the center, and each turns by
+//! 2 acos h. An end at distance a from the center is on the line of its chord, before its middle or
+//! behind it: it turns by acos h ± acos(h/a), + alone where it is outside. With n reflections both
+//! ends are apart by 2n acos h ± acos(h/a) ± acos(h/b), up to whole turns, to one side or the other.
+//! Times √(1 − h²) the derivative by h is −2n ∓ √((1 − h²)/(a² − h²)) ∓ √((1 − h²)/(b² − h²)), which
+//! rises where it is not below 0 throughout: there is one minimum at most.
+
+use super::ball::{bisect, lean};
+use super::circle::{Circular, FlatEnd};
+use super::roots::root;
+use glam::DVec2;
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Distance from the center below which an end is in it, where every chord has its middle there.
+const CENTER: f64 = 1e-14;
+
+/// An end as chords see it.
+#[derive(Clone, Copy)]
+struct ChordEnd {
+    /// Distance from the center; infinite where the end is.
+    distance: f64,
+    /// It lies before the middle of its chord, seen from the chain.
+    is_near: bool,
+}
+
+/// 1 − h²/r² times r², and the rise of asin(h/r) with ψ, for h = `most` sin ψ <= r and the cosine of
+/// ψ.
+fn rise(r: f64, most: f64, c: f64) -> (f64, f64) {
+    let rest = (r - most) * (r + most) + most * most * c * c;
+    let slope = if rest > 0.0 {
+        most * c / rest.sqrt()
+    } else {
+        1.0
+    };
+    (rest, slope)
+}
+
+/// acos h and its derivative by ψ.
+fn half_chord((s, c): (f64, f64), most: f64) -> (f64, f64) {
+    let (rest, slope) = rise(1.0, most, c);
+    (rest.sqrt().atan2(most * s), -slope)
+}
+
+impl ChordEnd {
+    /// Angle at the center between the end and the vertex next to it, and the derivative by ψ, of
+    /// which sine and cosine are given.
+    fn turn(self, (s, c): (f64, f64), most: f64) -> (f64, f64) {
+        let (half, fall) = half_chord((s, c), most);
+        let a = self.distance;
+        if !a.is_finite() {
+            return (half + FRAC_PI_2, fall);
+        }
+        let (rest, slope) = rise(a, most, c);
+        if self.is_near {
+            let end = (most * s / a, rest.sqrt() / a);
+            (lean(end, a, (1.0 - a) * (1.0 + a)).0, fall + slope)
+        } else {
+            (half + rest.sqrt().atan2(most * s), fall - slope)
+        }
+    }
+}
+
+/// Calls `found` with every chain of `count` reflections between two ends in the plane of the unit
+/// circle.
+pub(super) fn solve(count: usize, far: FlatEnd, to: DVec2, mut found: impl FnMut(&Circular)) {
+    let a = if far.is_infinite {
+        f64::INFINITY
+    } else {
+        far.at.length()
+    };
+    let b = to.length();
+    // from the center and back to it
+    if a.min(b) < CENTER {
+        let Some(axis) = if a < b { to } else { far.at }.try_normalize() else {
+            return;
+        };
+        for side in [1.0, -1.0] {
+            let vertex = |i: usize| axis * if i % 2 == 0 { side } else { -side };
+            found(&(0..count).map(vertex).collect());
+        }
+        return;
+    }
+    let most = a.min(b).min(1.0);
+    let gamma = far.at.perp_dot(to).atan2(far.at.dot(to));
+    let start = far.at.normalize();
+    let inner = 2.0 * (count as f64 - 1.0);
+    let places = |distance: f64| {
+        [false, true]
+            .into_iter()
+            .filter(move |&is_near| !is_near || distance <= 1.0)
+            .map(move |is_near| ChordEnd { distance, is_near })
+    };
+    for first in places(a) {
+        for last in places(b) {
+            let turned = |psi: f64| {
+                let at = psi.sin_cos();
+                let ends = [first.turn(at, most), last.turn(at, most)];
+                let (half, fall) = half_chord(at, most);
+                (
+                    ends[0].0 + ends[1].0 + inner * half,
+                    ends[0].1 + ends[1].1 + inner * fall,
+                )
+            };
+            let slope = |psi: f64| turned(psi).1;
+            let lowest = if slope(0.0) >= 0.0 {
+                0.0
+            } else if slope(FRAC_PI_2) <= 0.0 {
+                FRAC_PI_2
+            } else {
+                bisect(slope, 0.0, FRAC_PI_2)
+            };
+            for (low, high) in [(0.0, lowest), (lowest, FRAC_PI_2)] {
+                if low == high {
+                    continue;
+                }
+                let (one, two) = (turned(low).0, turned(high).0);
+                let (least, greatest) = (one.min(two), one.max(two));
+                for side in [1.0, -1.0] {
+                    let wanted = side * gamma;
+                    let turns = ((least - wanted) / TAU).ceil() as i32
+                        ..=((greatest - wanted) / TAU).floor() as i32;
+                    for turn in turns {
+                        let target = wanted + TAU * f64::from(turn);
+                        let f = |psi| {
+                            let (value, slope) = turned(psi);
+                            (value - target, slope)
+                        };
+                        let Some(psi) = root(f, low, high) else {
+                            continue;
+                        };
+                        let at = psi.sin_cos();
+                        let (angle, chord) = (first.turn(at, most).0, 2.0 * half_chord(at, most).0);
+                        let vertex = |i: usize| {
+                            let angle = side * (angle + i as f64 * chord);
+                            start.rotate(DVec2::from_angle(angle))
+                        };
+                        found(&(0..count).map(vertex).collect());
+                    }
+                }
+            }
+        }
+    }
+}
