@@ -31,13 +31,13 @@ const FIRST_PASS: u32 = u32::MAX - 32;
 const PIXELS: [(u32, u64); 3] = [(4, 1024), (1, 256), (0, 64)];
 const PIXELS_SHARE: u64 = 8;
 /// Kinds up to which the pilot takes as many: it tries all of them at every vertex.
-const FEW_KINDS: usize = 64;
+const FEW_KINDS: usize = 256;
 /// Probabilities that may be chosen, from the largest down.
 const SHARES: [f64; 6] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.0];
 /// Largest probability of what nothing else makes and the pilot has not seen, and how many such
 /// kinds a vertex tries at most on average.
 const UNSEEN: f64 = 0.0625;
-const MOST_UNSEEN: f64 = 1.0;
+const MOST_UNSEEN: f64 = 8.0;
 /// Share of the samples that are left out of what others scatter, the largest ones.
 const TRIMMED: f64 = 1e-3;
 /// Rounds of the search.
@@ -219,14 +219,7 @@ pub fn choose(
         })
         .collect();
     let samples = u64::from(PASSES) * pixels.len() as u64;
-    let mut balance = Balance::new(&pixels, &needed(frame, kinds), regions);
-    // a cone makes what the pilot has not seen
-    balance.unseen = if cone.is_some() && !asks_for_all(frame) {
-        0.0
-    } else {
-        unseen(kinds)
-    };
-    let shares = balance.shares();
+    let shares = Balance::new(&pixels, &needed(frame, kinds), regions).shares(unseen(kinds));
     let tries =
         Tries::new(kinds, shares).expect("invariant: a share of each kind from each origin");
     Some(TriesChoice::new(tries, samples))
@@ -235,19 +228,14 @@ pub fn choose(
 /// By origin and kind: whether the paths have no other technique that is sure to make them without
 /// a cone, or all chains are asked for. These are never left out.
 fn needed(frame: &SensorJob, kinds: usize) -> Vec<bool> {
-    let all = asks_for_all(frame);
+    let strategies = &frame.strategies;
+    let aims = strategies.aims;
+    let all = aims.light_everywhere
+        || aims.sensor_everywhere
+        || !(strategies.hits && strategies.direct && strategies.splats);
     Origin::all()
         .flat_map(|origin| std::iter::repeat_n(all || origin.is_needed(), kinds))
         .collect()
-}
-
-/// Whether all chains are asked for, or strategies are missing.
-fn asks_for_all(frame: &SensorJob) -> bool {
-    let strategies = &frame.strategies;
-    let aims = strategies.aims;
-    aims.light_everywhere
-        || aims.sensor_everywhere
-        || !(strategies.hits && strategies.direct && strategies.splats)
 }
 
 /// Probability of what nothing else makes and the pilot has not seen, of `kinds` kinds: a power of
@@ -266,8 +254,6 @@ struct Balance {
     /// By origin and kind: second moments at each of [`SHARES`], and the cost if always tried.
     aims: Vec<([f64; SHARES.len()], f64)>,
     needed: Vec<bool>,
-    /// Probability of what is needed and not seen.
-    unseen: f64,
 }
 
 impl Balance {
@@ -324,12 +310,12 @@ impl Balance {
             cost: cost / count,
             aims,
             needed: needed.to_vec(),
-            unseen: 0.0,
         }
     }
 
-    /// The probabilities that make variance times cost least, each with the others as they are.
-    fn shares(&self) -> Vec<f32> {
+    /// The probabilities that make variance times cost least, each with the others as they are;
+    /// `unseen` of what is needed and not seen.
+    fn shares(&self, unseen: f64) -> Vec<f32> {
         let mut chosen = vec![0; self.aims.len()];
         for _ in 0..ROUNDS {
             let (mut moments, mut cost) = (self.others, self.cost);
@@ -353,11 +339,11 @@ impl Balance {
             }
         }
         let share = |(at, &i): (usize, &usize)| {
-            let unseen = self.aims[at].0[0] == 0.0;
-            let p = match (unseen, self.needed[at]) {
-                (true, true) => self.unseen,
-                (true, false) => 0.0,
-                (false, _) => SHARES[i],
+            let is_seen = self.aims[at].0[0] != 0.0;
+            let p = match (is_seen, self.needed[at]) {
+                (false, true) => unseen,
+                (false, false) => 0.0,
+                (true, _) => SHARES[i],
             };
             p as f32
         };
@@ -392,9 +378,8 @@ mod tests {
             cost: 1.0,
             aims,
             needed: vec![false, false, true, false, true, false],
-            unseen: UNSEEN,
         };
-        let found = balance.shares();
+        let found = balance.shares(UNSEEN);
         assert_eq!(found[..3], [1.0, 0.0, 0.0625]);
         // sqrt(v T / (V t)) is 1/25, below the least probability
         assert_eq!(found[3], 0.0625);

@@ -3,7 +3,7 @@
 
 use super::data::Group;
 use crate::film::Filter;
-use crate::integrator::SensorJob;
+use crate::integrator::{SensorJob, aims};
 use crate::io::loaded::Loaded;
 use crate::math::named::Named;
 use crate::render::{EpsilonChoice, epsilon};
@@ -11,7 +11,7 @@ use crate::scene::Settings;
 use crate::scene::effects::EffectKind;
 use crate::scene::frozen::Frozen;
 use crate::scene::regularization::{Decision, Mode, decide};
-use crate::scene::settings::{Heuristic, IntegratorKind, Regularize};
+use crate::scene::settings::{Aiming, Heuristic, IntegratorKind, Regularize};
 
 /// Name of the variant that all others are compared with.
 pub const BASE: &str = "scene";
@@ -75,43 +75,53 @@ impl Variant {
     }
 }
 
-/// An integrator and how it is regularized.
+/// An integrator, how it is regularized, and whether it solves for chains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Method {
     integrator: IntegratorKind,
     regularize: Regularize,
+    aim: Aiming,
 }
 
 impl Method {
+    /// One that solves for no chains.
     fn new(integrator: IntegratorKind, regularize: Regularize) -> Self {
         Self {
             integrator,
             regularize,
+            aim: Aiming::Off,
         }
     }
 
     /// Keys of the scene file that choose it.
-    fn keys(self) -> [(&'static str, &'static str); 2] {
+    fn keys(self) -> [(&'static str, &'static str); 3] {
         [
             ("integrator", self.integrator.as_str()),
             ("regularize", self.regularize.as_str()),
+            ("aim", self.aim.as_str()),
         ]
     }
 
     /// Names in files and for readers.
     fn names(self) -> [String; 2] {
-        let [(_, integrator), (_, mode)] = self.keys();
+        let [(_, integrator), (_, mode), _] = self.keys();
+        let (mut id, mut label) = (integrator.to_owned(), integrator.to_owned());
         match self.regularize {
-            Regularize::Off => [integrator.to_owned(), integrator.to_owned()],
-            Regularize::Mis => [
-                format!("{integrator}-mis"),
-                format!("{integrator}, regularized"),
-            ],
-            _ => [
-                format!("{integrator}-{mode}"),
-                format!("{integrator}, regularized ({mode})"),
-            ],
+            Regularize::Off => {}
+            Regularize::Mis => {
+                id += "-mis";
+                label += ", regularized";
+            }
+            _ => {
+                id += &format!("-{mode}");
+                label += &format!(", regularized ({mode})");
+            }
         }
+        if self.aim != Aiming::Off {
+            id += "-aimed";
+            label += ", aimed";
+        }
+        [id, label]
     }
 }
 
@@ -192,19 +202,49 @@ impl<'a> Base<'a> {
             methods.splice(3..3, [(Bdpt, Single), (Bdpt, Mis)]);
             methods.push((Vcm, Mis));
         }
-        let own = Method::new(self.loaded.settings.integrator, self.mode());
-        let methods = methods.into_iter().map(|(i, r)| Method::new(i, r));
+        let mut methods: Vec<Method> = methods
+            .into_iter()
+            .map(|(i, r)| Method::new(i, r))
+            .collect();
+        if self.has_chains() {
+            let aimed = |regularize| Method {
+                aim: Aiming::Auto,
+                ..Method::new(Bdpt, regularize)
+            };
+            methods.extend([aimed(Off), aimed(Mis)]);
+        }
+        let own = self.method(self.loaded.settings.integrator);
         let variant = |method: Method| {
             let [id, label] = method.names();
             Variant::method(&id, &label, Group::Methods, method)
         };
-        let mut variants: Vec<Variant> = methods.filter(|m| *m != own).map(variant).collect();
+        let mut variants: Vec<Variant> = methods
+            .into_iter()
+            .filter(|m| *m != own)
+            .map(variant)
+            .collect();
         let (id, label) = ("vcm-stratified", "vcm, stratified passes");
         let mut stratified = Variant::method(id, label, Group::Methods, Method::new(Vcm, Off));
         let sharing = ("render.sharing".to_owned(), "stratified".to_owned());
         stratified.overrides.push(sharing);
         variants.push(stratified);
         variants
+    }
+
+    /// Whether anything is smooth that chains are solved for on.
+    fn has_chains(&self) -> bool {
+        self.has(EffectKind::Specular) && !self.loaded.scene.chains().kinds().is_empty()
+    }
+
+    /// An integrator with what the scene as it is asks for besides.
+    fn method(&self, integrator: IntegratorKind) -> Method {
+        let settings = &self.loaded.settings;
+        let aimed = aims(settings, &self.loaded.scene, self.sensor).any();
+        Method {
+            integrator,
+            regularize: self.mode(),
+            aim: if aimed { settings.aim } else { Aiming::Off },
+        }
     }
 
     /// The mode of regularization of the scene as it is.
@@ -232,6 +272,11 @@ impl<'a> Base<'a> {
             let label = "without regularization";
             effects.push(Variant::new("no-regularization", label, group, &keys));
         }
+        if self.method(self.loaded.settings.integrator).aim != Aiming::Off {
+            let keys = [("aim", Aiming::Off.as_str())];
+            let label = "without solved chains";
+            effects.push(Variant::new("no-aims", label, group, &keys));
+        }
         let method = self.loaded.settings.integrator;
         let merging = if method.merges() {
             Some(("no-merging", IntegratorKind::Bdpt, "without merging (bdpt)"))
@@ -241,7 +286,7 @@ impl<'a> Base<'a> {
             None
         };
         if let Some((id, integrator, label)) = merging {
-            let method = Method::new(integrator, self.mode());
+            let method = self.method(integrator);
             effects.push(Variant::method(id, label, group, method));
         }
         let depth = self.loaded.settings.max_depth;
@@ -349,7 +394,10 @@ impl<'a> Base<'a> {
             Some(_) => Regularize::Mis,
             None => Regularize::Off,
         };
-        let method = Method::new(integrator, mode);
+        let method = Method {
+            regularize: mode,
+            ..self.method(integrator)
+        };
         let mut reference = Variant::method("reference", label, Group::Methods, method);
         reference.groups.clear();
         if let Some(choice) = cones {

@@ -77,7 +77,7 @@ pub(super) fn solve(count: usize, far: FlatEnd, to: DVec2, mut found: impl FnMut
             return;
         };
         for side in [1.0, -1.0] {
-            let vertex = |i: usize| axis * if i % 2 == 0 { side } else { -side };
+            let vertex = |i: usize| axis * if i.is_multiple_of(2) { side } else { -side };
             found(&(0..count).map(vertex).collect());
         }
         return;
