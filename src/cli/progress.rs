@@ -131,8 +131,8 @@ impl Progress {
         self.place(STEPS * state.added);
     }
 
-    /// After a save: what stands elsewhere than on a terminal.
-    pub fn saved(&self, session: &Session) {
+    /// After a save, or one that could not be made: what stands elsewhere than on a terminal.
+    pub fn saved(&self, session: &Session, could: bool) {
         if self.quiet || !self.bar.is_hidden() {
             return;
         }
@@ -142,7 +142,8 @@ impl Progress {
             format!(", about {} left", duration(left.as_secs_f64()))
         });
         let gone = duration(gone.as_secs_f64());
-        tell(&format!("{name}: saved, {so_far}{gone} gone{left}"));
+        let saved = if could { "saved" } else { "not saved" };
+        tell(&format!("{name}: {saved}, {so_far}{gone} gone{left}"));
     }
 
     /// Passes and error, with a comma behind each.

@@ -322,8 +322,8 @@ impl Job<'_> {
                 self.warn_of_black(&session.render());
             }
             if state.save_is_due {
-                saver.save(&mut session);
-                progress.saved(&session);
+                let could = saver.save(&mut session);
+                progress.saved(&session, could);
             }
             if let Some(reason) = state.stop {
                 break reason;

@@ -283,8 +283,12 @@ mod tests {
         let data = valid.windows(4).position(|w| w == b"IDAT").expect("there");
         let mut flipped = valid.clone();
         flipped[data + 8] ^= 4;
+        assert!(read(&flipped, Encoding::Stated).is_err());
+        // the checksum of the first chunk
+        let mut flipped = valid.clone();
+        flipped[29] ^= 4;
         let reason = read(&flipped, Encoding::Stated).expect_err("damaged");
-        assert!(reason.ends_with(" while decoding IDAT chunk.)"), "{reason}");
+        assert!(reason.ends_with(" while decoding IHDR chunk.)"), "{reason}");
         // also where all texels are there
         for length in 0..valid.len() {
             assert!(
