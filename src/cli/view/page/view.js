@@ -118,7 +118,7 @@ function showSnapshot() {
   const there = state.snapshot !== null;
   $("divide").disabled = !there;
   if (there) $("snapshot").textContent = state.snapshot;
-  for (const id of ["split", "tag-left", "tag-right"]) $(id).hidden = !there;
+  for (const id of ["split", "tag-left", "tag-right"]) $(id).hidden = !(there && held.image);
   $("tag-left").textContent = state.snapshot?.startsWith("reference: ") ? "reference" : "snapshot";
 }
 
@@ -164,6 +164,7 @@ async function refresh() {
     if (state.snapshot !== null && before !== held.key) {
       const loaded = await load(`picture.png?${query({ of: "snapshot" })}`);
       if (loaded) held = { ...loaded, key: before };
+      showSnapshot();
       draw();
     }
   } catch (error) {
