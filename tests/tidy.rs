@@ -458,3 +458,35 @@ fn nothing_is_left_for_later() {
     }
     report("left for later", &found);
 }
+
+#[test]
+fn whatever_is_fuzzed_is_also_mutated_in_the_suite() {
+    let mutations: String = files("tests", &["rs"])
+        .into_iter()
+        .filter(|(path, _)| path.ends_with("mutation.rs"))
+        .map(|(_, text)| text)
+        .collect();
+    let called = Regex::new(r"\b(fuzz_\w+)\(").unwrap();
+    let targets = files("tests/fuzz/fuzz_targets", &["rs"]);
+    let found: Vec<String> = targets
+        .iter()
+        .filter(|(_, text)| {
+            let name = called.captures(text).map(|c| c[1].to_owned());
+            name.is_none_or(|name| !mutations.contains(&name))
+        })
+        .map(|(path, _)| path.clone())
+        .collect();
+    report("fuzz targets that no mutation reaches", &found);
+}
+
+#[test]
+fn actions_of_workflows_are_pinned() {
+    let pinned = Regex::new(r"uses: [\w./-]+@[0-9a-f]{40} # v\d").unwrap();
+    let found: Vec<String> = files(".github/workflows", &["yml"])
+        .iter()
+        .flat_map(|(path, text)| text.lines().map(move |line| (path, line)))
+        .filter(|(_, line)| line.contains("uses:") && !pinned.is_match(line))
+        .map(|(path, line)| format!("{path}: {}", line.trim()))
+        .collect();
+    report("actions without a hash", &found);
+}

@@ -4,7 +4,7 @@ use super::args::CostOptions;
 use super::{CliError, Outcome, interrupt, print, threads};
 use crate::render::Cancel;
 use crate::report::cost::{Event, Extent, PAGE, Request, Study};
-use crate::report::readable::duration;
+use crate::report::readable::{counted, duration};
 
 /// Runs the command.
 pub fn run(options: &CostOptions) -> Result<Outcome, CliError> {
@@ -58,12 +58,12 @@ fn text(options: &CostOptions, event: &Event) -> String {
         Event::Begins { variants, cells } => {
             let length = |extent| match extent {
                 Extent::Seconds(seconds) => duration(seconds),
-                Extent::Passes(passes) => format!("{passes} passes"),
+                Extent::Passes(passes) => counted(passes.into(), "pass", "passes"),
             };
             let each = extent(options);
-            let seeds = options.seeds;
+            let seeds = counted(options.seeds.into(), "seed", "seeds");
             format!(
-                "{variants} variants, {seeds} seeds, {} each: about {} in all\n",
+                "{variants} variants, {seeds}, {} each: about {} in all\n",
                 length(each),
                 length(each.times(*cells)),
             )

@@ -11,6 +11,7 @@ use crate::render::OutputRequest;
 use crate::render::memory::{
     film_bytes, geometry_bytes, object_bytes, saving_bytes, texture_bytes,
 };
+use crate::report::readable::counted;
 use crate::scene::Scene;
 use crate::scene::chains::ChainLink;
 use crate::scene::effects::Effect;
@@ -160,7 +161,10 @@ fn to_text(loaded: &Loaded) -> String {
     text += "objects\n";
     for (kind, count) in shapes(loaded) {
         let triangles = if kind == "mesh" {
-            format!(", {} triangles", triangles(loaded))
+            format!(
+                ", {}",
+                counted(triangles(loaded) as u64, "triangle", "triangles")
+            )
         } else {
             String::new()
         };
@@ -225,13 +229,13 @@ fn to_text(loaded: &Loaded) -> String {
     let images = scene.images();
     _ = writeln!(
         text,
-        "memory\n  films         {}\n  saving        {}\n  objects       {}\n  meshes        {}\n  textures      {}, {} images",
+        "memory\n  films         {}\n  saving        {}\n  objects       {}\n  meshes        {}\n  textures      {}, {}",
         bytes_text(films),
         bytes_text(saving),
         bytes_text(object_bytes(scene)),
         bytes_text(meshes),
         bytes_text(texture_bytes(scene)),
-        images.len()
+        counted(images.len() as u64, "image", "images")
     );
     text
 }

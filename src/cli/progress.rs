@@ -5,7 +5,7 @@ use super::tell;
 use crate::render::forecast::Forecast;
 use crate::render::session::NO_LIMIT;
 use crate::render::{self, Session, Tiles};
-use crate::report::readable::{duration, percent};
+use crate::report::readable::{counted, duration, percent};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
 use std::sync::{Mutex, PoisonError};
@@ -131,8 +131,8 @@ impl Progress {
         self.place(STEPS * state.added);
     }
 
-    /// After a save: what stands elsewhere than on a terminal.
-    pub fn saved(&self, session: &Session) {
+    /// After a save, or one that could not be made: what stands elsewhere than on a terminal.
+    pub fn saved(&self, session: &Session, could: bool) {
         if self.quiet || !self.bar.is_hidden() {
             return;
         }
@@ -142,7 +142,8 @@ impl Progress {
             format!(", about {} left", duration(left.as_secs_f64()))
         });
         let gone = duration(gone.as_secs_f64());
-        tell(&format!("{name}: saved, {so_far}{gone} gone{left}"));
+        let saved = if could { "saved" } else { "not saved" };
+        tell(&format!("{name}: {saved}, {so_far}{gone} gone{left}"));
     }
 
     /// Passes and error, with a comma behind each.
@@ -150,7 +151,7 @@ impl Progress {
         let added = self.added.load(SeqCst);
         let passes = match self.all {
             Some(all) => format!("{added} of {all} passes, "),
-            None => format!("{added} passes, "),
+            None => counted(added, "pass", "passes") + ", ",
         };
         let error = self.error(session, now);
         let error = error.map_or_else(String::new, |e| format!("error {}, ", percent(e)));
@@ -264,7 +265,7 @@ mod tests {
         let mut endless = session(Some(0..NO_LIMIT));
         let progress = Progress::new("main", &endless, rules, true);
         step(&mut endless, &progress);
-        assert_eq!(progress.so_far(&endless, true), "1 passes, ");
+        assert_eq!(progress.so_far(&endless, true), "1 pass, ");
         let left = progress.left(Duration::from_secs(10));
         assert_eq!(left, Some(Duration::from_secs(50)));
     }

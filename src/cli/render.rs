@@ -9,6 +9,8 @@ use super::progress::{Progress, Waiting};
 use super::save::{self, Saver, Targets};
 use super::stats;
 use super::tev::Viewer;
+#[cfg(feature = "view")]
+use super::view::Page;
 use super::{CliError, Outcome, print, summary, tell, threads};
 use crate::film::Crop;
 use crate::io::destination::Claims;
@@ -47,6 +49,8 @@ struct Job<'a> {
     pool: &'a ThreadPool,
     /// Without photons.
     need: Need,
+    #[cfg(feature = "view")]
+    page: Option<Page>,
     /// Whether all that was said could be: if not, the render goes on.
     printed: RefCell<Result<(), CliError>>,
 }
@@ -111,6 +115,11 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         loaded: &loaded,
         pool: &pool,
         need,
+        #[cfg(feature = "view")]
+        page: options
+            .view
+            .then(|| Page::open(&options.scene))
+            .transpose()?,
         printed: RefCell::new(Ok(())),
     };
     job.explain(|| summary::effects(&loaded.scene.effects));
@@ -291,12 +300,20 @@ impl Job<'_> {
         let progress = Arc::new(Progress::new(name, &session, self.rules, options.quiet));
         let bar = Arc::clone(&progress);
         session.observe(move |tiles| bar.tile(tiles));
+        #[cfg(feature = "view")]
+        if let Some(page) = &self.page {
+            page.show(loaded, &session);
+        }
         let passes_to_see = (SAMPLES_TO_SEE / crop.pixels()).clamp(1, PASSES_TO_SEE);
         let mut saver = Saver::new(options, targets, &guides, &self.interrupts);
         let stop = loop {
             let state = self.pool.install(|| session.step());
             if state.pass.is_some() {
                 progress.pass(&state, &session);
+            }
+            #[cfg(feature = "view")]
+            if let Some(page) = &self.page {
+                page.follow(&session, &state);
             }
             if let Some(viewer) = &mut viewer {
                 viewer.show(&session.render(), state.stop.is_some());
@@ -305,8 +322,8 @@ impl Job<'_> {
                 self.warn_of_black(&session.render());
             }
             if state.save_is_due {
-                saver.save(&mut session);
-                progress.saved(&session);
+                let could = saver.save(&mut session);
+                progress.saved(&session, could);
             }
             if let Some(reason) = state.stop {
                 break reason;

@@ -91,24 +91,29 @@ impl<'a> Saver<'a> {
         }
     }
 
-    /// Saves while the render goes on, and sets when the next save is due.
-    pub fn save(&mut self, session: &mut Session) {
+    /// Saves while the render goes on, and sets when the next save is due. Whether it could.
+    pub fn save(&mut self, session: &mut Session) -> bool {
         let began = Instant::now();
         let written = self.write(session);
         if self.options.part.is_some() {
             let interval = PART_INTERVAL.max(TIMES_A_SAVE * began.elapsed());
             session.set_save_interval(Some(interval));
         }
-        match written {
-            Ok(_) if std::mem::take(&mut self.failing) => {
-                tell("warning: saving works again: nothing is lost");
-            }
+        match &written {
+            Ok(_) => self.tell_relief(),
             Err(error) if !std::mem::replace(&mut self.failing, true) => {
                 tell(&format!(
                     "warning: cannot save: {error}; the render goes on and saves again later"
                 ));
             }
-            _ => {}
+            Err(_) => {}
+        }
+        written.is_ok()
+    }
+
+    fn tell_relief(&mut self) {
+        if std::mem::take(&mut self.failing) {
+            tell("warning: saving works again: nothing is lost");
         }
     }
 
@@ -121,7 +126,10 @@ impl<'a> Saver<'a> {
         let (began, interrupts) = (Instant::now(), self.interrupts.count());
         loop {
             let error = match self.write(session) {
-                Ok(preview) => return Ok(preview),
+                Ok(preview) => {
+                    self.tell_relief();
+                    return Ok(preview);
+                }
                 Err(error) => error,
             };
             let gives_up = began.elapsed() > PATIENCE || self.interrupts.count() > interrupts;

@@ -5,7 +5,7 @@ use super::usage::bytes_text;
 use crate::medium::Boundary;
 use crate::render::forecast::Forecast;
 use crate::render::{Flux, PhotonMemory, RadiusChoice, Render, Total};
-use crate::report::readable::{duration, percent};
+use crate::report::readable::{counted, duration, percent};
 use crate::report::statistics::{FEW_HITS, SensorStats};
 use crate::scene::Scene;
 use crate::scene::effects::Effect;
@@ -103,9 +103,9 @@ pub fn merging(radius: &RadiusChoice, memory: &PhotonMemory) -> String {
 pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats, scene: &Scene) -> String {
     let [width, height] = stats.size;
     let mut text = format!(
-        "{}: {width} x {height} pixels, {} passes, {}\n",
+        "{}: {width} x {height} pixels, {}, {}\n",
         image.display(),
-        stats.passes.len(),
+        counted(stats.passes.len() as u64, "pass", "passes"),
         stats.stop.text()
     );
     if let Some(preview) = preview {

@@ -142,22 +142,47 @@ fn image_values(
 /// Attribute with the width of a pixel over its height, which OpenEXR has a place of its own for.
 pub const PIXEL_ASPECT: &str = "pixelAspectRatio";
 
+/// Attribute with the width and height of a detector's pixels.
+pub const PIXEL_PITCH: &str = "pixelPitch";
+
+/// Width and height of a detector's pixels in meters; `None` for cameras.
+#[must_use]
+pub fn pixel_pitch(scene: &Scene, sensor: usize) -> Option<[f64; 2]> {
+    let Sensor {
+        camera, shutter, ..
+    } = &scene.sensors[sensor];
+    camera.as_detector()?;
+    // a detector is the image of the square -1..1
+    let map = camera.transform().at(shutter.open_s).to_world.matrix3;
+    let size = camera.resolution().size();
+    Some([
+        2.0 * map.x_axis.length() / size.x,
+        2.0 * map.y_axis.length() / size.y,
+    ])
+}
+
+/// Width and height of pixels in meters as [`PIXEL_PITCH`] tells them.
+#[must_use]
+pub fn pitch_of_text(text: &str) -> Option<[f64; 2]> {
+    let (x, y) = text.strip_suffix(" m")?.split_once(" x ")?;
+    let pitch = [x.parse().ok()?, y.parse().ok()?];
+    let is_length = |v: &f64| v.is_finite() && *v > 0.0;
+    pitch.iter().all(is_length).then_some(pitch)
+}
+
 /// Attributes of a detector's image: its size in the world, and that of its pixels.
 fn detector_values(scene: &Scene, sensor: usize) -> Values {
     let Sensor {
         camera, shutter, ..
     } = &scene.sensors[sensor];
-    if camera.as_detector().is_none() {
+    let Some([x, y]) = pixel_pitch(scene, sensor) else {
         return Vec::new();
-    }
-    // a detector is the image of the square -1..1
+    };
     let map = camera.transform().at(shutter.open_s).to_world.matrix3;
     let (width, height) = (2.0 * map.x_axis.length(), 2.0 * map.y_axis.length());
-    let size = camera.resolution().size();
-    let (x, y) = (width / size.x, height / size.y);
     vec![
         ("detectorSize", format!("{width} x {height} m")),
-        ("pixelPitch", format!("{x} x {y} m")),
+        (PIXEL_PITCH, format!("{x} x {y} m")),
         (PIXEL_ASPECT, format!("{}", x / y)),
     ]
 }

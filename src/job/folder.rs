@@ -73,6 +73,12 @@ impl Folder {
         &self.path
     }
 
+    /// Folder of the parts of a job.
+    #[must_use]
+    pub fn parts_of(job: &Path) -> PathBuf {
+        job.join("parts")
+    }
+
     /// One of its folders.
     pub(super) fn at(&self, folder: &str) -> PathBuf {
         self.path.join(folder)

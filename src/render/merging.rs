@@ -245,8 +245,9 @@ pub fn trace_photons(
         return None;
     }
     let radius = pass.merge_radius.unwrap_or(0.0);
-    let map = PhotonMap::build(all, frame.lanes(), frame.scene.accel.center(), radius);
-    Some((map, counters))
+    let center = frame.scene.accel.center();
+    let map = PhotonMap::build(all, frame.lanes(), center, radius, &is_cancelled);
+    (!is_cancelled()).then_some((map, counters))
 }
 
 /// Memory that the passes of a render over part of the film will hold.

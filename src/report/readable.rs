@@ -24,6 +24,12 @@ pub fn percent(share: f64) -> String {
     }
 }
 
+/// Number of things: `1 pass`, `2 passes`.
+#[must_use]
+pub fn counted(count: u64, one: &str, several: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { several })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

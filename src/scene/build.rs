@@ -213,9 +213,11 @@ impl Scene {
         builder.lights(std::mem::take(&mut description.lights));
         builder.sensors(std::mem::take(&mut description.sensors));
         let motions = builder.motions();
+        // before the tree, which takes its time over a crowd
+        let overlaps = builder.overlaps()?;
         let accel = Accel::build(std::mem::take(&mut builder.instances));
         let moments = Moments::new(&builder, &accel);
-        let contacts = builder.surroundings(&accel)?;
+        let contacts = builder.surroundings(&accel, &overlaps)?;
         let fluxes = builder.fluxes(&accel, &moments);
         let powers = builder.powers(&fluxes, description.wavelengths.range_nm)?;
         builder.enclosures = Enclosures::new(&accel, &builder.objects);

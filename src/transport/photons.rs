@@ -312,6 +312,9 @@ const BLOCK_BITS: u32 = 2;
 /// Cells of a block.
 const BLOCK: usize = 1 << (3 * BLOCK_BITS);
 
+/// Photons sorted between two looks at whether to go on.
+const CANCELLED_EVERY: usize = 1 << 16;
+
 /// All stored vertices of a pass, by the cells of a grid. The grid is cut into blocks of 4 x 4 x 4
 /// cells; a hash finds the place of a block, so that neighbors in space are mostly neighbors in
 /// memory.
@@ -328,13 +331,15 @@ pub struct PhotonMap {
 
 impl PhotonMap {
     /// Sorts stored vertices into a grid of cells 2 `radius` wide; `lanes` wavelengths per photon.
-    /// Takes no memory beyond what is held after it. `None` beyond 2^32 - 1 photons.
+    /// Takes no memory beyond what is held after it. `None` beyond 2^32 - 1 photons. Where
+    /// `is_cancelled` says so, the map is left unsorted, of no use to anyone.
     #[must_use]
     pub fn build(
         mut buffer: PhotonBuffer,
         lanes: usize,
         center: DVec3,
         radius: f64,
+        is_cancelled: &dyn Fn() -> bool,
     ) -> Option<Self> {
         u32::try_from(buffer.len()).ok()?;
         buffer.positions.shrink_to_fit();
@@ -347,13 +352,21 @@ impl PhotonMap {
             center,
             radius,
         };
-        map.sort();
+        map.sort(is_cancelled);
         Some(map)
     }
 
     /// Brings the photons into the order of their buckets, in place.
-    fn sort(&mut self) {
+    fn sort(&mut self, is_cancelled: &dyn Fn() -> bool) {
+        let mut steps = 0_usize;
+        let mut stops = || {
+            steps += 1;
+            steps.is_multiple_of(CANCELLED_EVERY) && is_cancelled()
+        };
         for i in 0..self.len() {
+            if stops() {
+                return;
+            }
             let bucket = self.bucket_of(i);
             self.starts[bucket] += 1;
         }
@@ -366,6 +379,9 @@ impl PhotonMap {
         for i in 0..self.len() {
             loop {
                 let bucket = self.bucket_of(i);
+                if stops() {
+                    return;
+                }
                 if i >= self.starts[bucket] as usize {
                     break;
                 }
@@ -492,7 +508,7 @@ mod tests {
 
     #[test]
     fn a_stored_vertex_is_as_small_as_said() {
-        let map = PhotonMap::build(random(6400), 2, DVec3::ZERO, 0.1).expect("few");
+        let map = PhotonMap::build(random(6400), 2, DVec3::ZERO, 0.1, &|| false).expect("few");
         // one place more ends the last bucket
         assert_eq!(map.bytes(), 6400 * bytes_per_vertex(2) as u64 + 4);
         assert_eq!(bytes_per_vertex(4), 60);
@@ -503,7 +519,7 @@ mod tests {
         let center = DVec3::new(10.0, -3.0, 5.0);
         for radius in [0.03, 0.2, 1.5] {
             let all = random(3000);
-            let map = PhotonMap::build(random(3000), 2, center, radius).expect("few");
+            let map = PhotonMap::build(random(3000), 2, center, radius, &|| false).expect("few");
             assert_eq!(map.len(), 3000);
             let mut total = 0;
             for i in 0..300 {
@@ -594,7 +610,8 @@ mod tests {
 
     #[test]
     fn an_empty_map_holds_nothing() {
-        let map = PhotonMap::build(PhotonBuffer::default(), 4, DVec3::ZERO, 0.1).expect("none");
+        let map = PhotonMap::build(PhotonBuffer::default(), 4, DVec3::ZERO, 0.1, &|| false)
+            .expect("none");
         assert!(map.is_empty());
         map.for_each_near(DVec3::ONE, |_| panic!("found"));
     }

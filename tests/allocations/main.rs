@@ -135,7 +135,8 @@ fn merging_takes_no_memory() {
         spread(&job, |pixel| tracer.trace(&job, &pass, pixel, &mut buffer));
     });
     assert_eq!(traced, 0);
-    let photons = PhotonMap::build(buffer, job.lanes(), scene.accel.center(), radius).unwrap();
+    let photons =
+        PhotonMap::build(buffer, job.lanes(), scene.accel.center(), radius, &|| false).unwrap();
     let mut workspace = Workspace::default();
     let count = after_warm_up(|| {
         spread(&job, |pixel| {
@@ -151,4 +152,45 @@ fn merging_takes_no_memory() {
 fn a_planted_allocation_is_seen() {
     let run = of_samples("bench/cornell_diffuse.toml", &[], None, true);
     assert_eq!(run.allocations, u64::from(SAMPLES));
+}
+
+/// Bytes per thing that a scene of many holds, and at most while it is read and built.
+fn bytes_each(text: &str, count: usize) -> (f64, f64) {
+    let mut scene = None;
+    let read = measure(|| {
+        let loaded = scene_file::parse_str(text, Path::new("/nonexistent")).unwrap();
+        scene = Some(Scene::build(loaded.description).unwrap());
+    });
+    assert!(scene.is_some());
+    let each = |bytes: f64| bytes / count as f64;
+    (each(read.bytes_current as f64), each(read.bytes_max as f64))
+}
+
+#[test]
+fn things_of_a_scene_take_a_kilobyte_and_a_few_while_they_are_read() {
+    const COUNT: usize = 4000;
+    let camera = "perspective = { eye = [0, 0, 9], target = [0, 0, 0], fov_deg = 30 }\n";
+    let head = format!("[[sensor]]\n{camera}[[light]]\nenvironment = {{ radiance = 1 }}\n");
+    let many = |thing: &dyn Fn(usize) -> String| (0..COUNT).map(thing).collect::<String>();
+    let sphere = |i: usize| {
+        let (x, y) = (i % 100 * 3, i / 100 * 3);
+        format!("[[object]]\nsphere = {{ center = [{x}, {y}, -9], radius = 1 }}\n")
+    };
+    for (name, things) in [
+        ("spheres", many(&sphere)),
+        ("lamps", many(&|i| sphere(i) + "emission = 1\n")),
+        (
+            "lights",
+            many(&|i| format!("[[light]]\npoint = {{ position = [{i}, 0, 9], intensity = 1 }}\n")),
+        ),
+        (
+            "sensors",
+            many(&|i| format!("[[sensor]]\nname = \"s{i}\"\nresolution = [1, 1]\n{camera}")),
+        ),
+    ] {
+        let (held, read) = bytes_each(&format!("{head}{things}"), COUNT);
+        println!("{name}: {held:.0} bytes each, {read:.0} while they are read");
+        assert!(held < 1024.0, "{name}: {held} bytes each");
+        assert!(read < 8.0 * 1024.0, "{name}: {read} bytes each while read");
+    }
 }

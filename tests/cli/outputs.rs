@@ -230,6 +230,7 @@ fn messages_say_what_to_write_instead() {
     let dir = folder();
     let at = |name: &str| dir.path().join(name);
     std::fs::write(at("a.xyz"), "3\nwater\nO 0 0 0\n").expect("writes");
+    std::fs::write(at("a.png"), b"\x89PNG\r\n\x1a\n").expect("writes");
     let other = SCENE.replace("radius = 0.6", "radius = 0.5");
     std::fs::write(at("other.toml"), other).expect("writes");
     for (arguments, code, expected) in [
@@ -242,6 +243,11 @@ fn messages_say_what_to_write_instead() {
             "info a.xyz",
             1,
             "error: a.xyz: is no scene file (TOML), and its ending is none of a model's (allowed: .toml, .gltf, .glb, .obj, .ply)\n",
+        ),
+        (
+            "render a.png",
+            1,
+            "error: a.png: is no scene file (TOML), and its ending is none of a model's (allowed: .toml, .gltf, .glb, .obj, .ply)\n",
         ),
         (
             "render scene.toml -o a.png",

@@ -42,9 +42,14 @@ impl Server {
             .stdout(Stdio::piped())
             .spawn()
             .expect("runs");
+        let told = child.stdout.take().expect("piped");
+        Self::of(child, BufReader::new(told))
+    }
+
+    /// The server of a process that tells its address first.
+    fn of(child: Child, mut told: impl BufRead) -> Self {
         let mut line = String::new();
-        let mut stdout = BufReader::new(child.stdout.take().expect("piped"));
-        stdout.read_line(&mut line).expect("an address");
+        told.read_line(&mut line).expect("an address");
         let address = line.trim().strip_prefix("http://").expect("an address");
         let (host, token) = address.split_once("/#").expect("a token in the fragment");
         assert!(host.starts_with("127.0.0.1:"), "{host}");
@@ -451,4 +456,109 @@ fn images_are_looked_at_as_they_are() {
         );
     }
     assert!(fail(dir.path(), "view none.toml", 1).contains("none.toml: there is no such file"));
+}
+
+#[test]
+fn a_reference_stands_left_of_the_line_from_the_beginning() {
+    let dir = folder();
+    succeed(dir.path(), "render scene.toml -q --spp 2 -o a.exr");
+    succeed(
+        dir.path(),
+        "render scene.toml -q --spp 1 -o small.exr --set sensor.0.resolution=[8,6]",
+    );
+    let server = Server::start(dir.path(), "scene.toml --spp 1 --against a.exr");
+    let state = server.wait_for("done", 1);
+    assert_eq!(state["snapshot"], "reference: a.exr");
+    assert!(server.get("/picture.png?of=snapshot").body == bytes(&dir, "a.png"));
+    assert!(server.get("/picture.png").body != bytes(&dir, "a.png"));
+    drop(server);
+    // of another size it is told, whatever is looked at
+    for subject in ["scene.toml", "a.exr"] {
+        let server = Server::start(dir.path(), &format!("{subject} --against small.exr"));
+        let state = server.wait(|s| !s["problem"].is_null());
+        let expected = "small.exr: has 8 x 6 pixels, the picture 24 x 16";
+        assert_eq!(state["problem"], expected, "{subject}");
+        assert_eq!(state["phase"], "stopped");
+    }
+    let error = fail(dir.path(), "view scene.toml --against scene.toml", 1);
+    assert!(error.starts_with("error: scene.toml: "), "{error}");
+}
+
+#[test]
+fn a_job_is_shown_as_far_as_it_is_done() {
+    let dir = folder();
+    succeed(dir.path(), "job new scene.toml -o job --spp 4 --chunk 2");
+    let server = Server::start(dir.path(), "job");
+    let state = server.wait(|s| !s["problem"].is_null());
+    assert_eq!(state["problem"], "job: no chunk is done yet");
+    succeed(dir.path(), "job run job --threads 1 -q");
+    let state = server.wait(|s| s["passes"] == 4);
+    assert_eq!(state["all"], 4);
+    assert!(state["problem"].is_null(), "{state}");
+    succeed(dir.path(), "job collect job -o whole.exr -q");
+    assert!(server.get("/picture.png").body == bytes(&dir, "whole.png"));
+    std::fs::create_dir(dir.path().join("other")).expect("folder");
+    let error = fail(dir.path(), "view other", 1);
+    assert!(error.contains("no job (a folder with job.json)"), "{error}");
+}
+
+#[test]
+fn pixels_of_a_detector_have_a_size() {
+    let dir = folder();
+    let text = std::fs::read_to_string(dir.path().join("scene.toml")).expect("reads");
+    let text = format!(
+        "{text}[[sensor]]\nname = \"plate\"\nresolution = [10, 5]\n\
+         detector = {{ center = [0, 0, 2], u = [0.5, 0, 0], v = [0, 0.5, 0] }}\n"
+    );
+    std::fs::write(dir.path().join("two.toml"), text).expect("writes");
+    succeed(
+        dir.path(),
+        "render two.toml -q --spp 1 --sensor plate -o plate.exr",
+    );
+    for (subject, phase) in [
+        ("two.toml --spp 1 --sensor plate", "done"),
+        ("plate.exr", "image"),
+    ] {
+        let server = Server::start(dir.path(), subject);
+        let state = server.wait_for(phase, 1);
+        let pitch = state["stage"]["pitch"].as_array().expect("a pitch");
+        let pitch: Vec<f64> = pitch.iter().filter_map(serde_json::Value::as_f64).collect();
+        assert_eq!(pitch, [0.1, 0.2], "{subject}");
+    }
+    let server = Server::start(dir.path(), "two.toml --spp 1");
+    assert!(server.wait_for("done", 1)["stage"]["pitch"].is_null());
+}
+
+#[test]
+fn a_render_shows_what_it_writes() {
+    let dir = folder();
+    let render = "render scene.toml --spp 4000000 --view -q --threads 2 -o a.exr";
+    let mut child = command(dir.path(), render)
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("runs");
+    let told = child.stderr.take().expect("piped");
+    let mut server = Server::of(child, BufReader::new(told));
+    let state = server.wait(|s| s["passes"].as_u64() > Some(1));
+    assert_eq!(state["phase"], "rendering");
+    assert_eq!(state["stage"]["name"], "scene.toml: camera");
+    // its settings stay as they are
+    assert_eq!(state["stage"]["renders"], false);
+    assert_eq!(server.post("/settings", "{}").status, 400);
+    let saved = server.get("/save.exr").body;
+    assert!(saved.starts_with(&[0x76, 0x2f, 0x31, 0x01]));
+    let pixel = json(&server.get("/pixel?x=5&y=7").text());
+    assert!(
+        pixel["xyz"][1].as_f64().is_some_and(|y| y >= 0.0),
+        "{pixel}"
+    );
+    #[cfg(unix)]
+    {
+        let mut kill = std::process::Command::new("kill");
+        let pid = server.child.id().to_string();
+        assert!(kill.args(["-INT", &pid]).status().expect("runs").success());
+        let code = server.child.wait().expect("ends").code();
+        assert_eq!(code, Some(130));
+        assert!(dir.path().join("a.exr").exists());
+    }
 }

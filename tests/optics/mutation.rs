@@ -67,7 +67,9 @@ fn damaged_files_make_no_panic() {
             .to_vec(),
     );
     let mut random = Random(7);
-    for _ in 0..150 {
+    let scale = std::env::var("ABBE_TEST_SCALE").ok();
+    let scale: u32 = scale.and_then(|s| s.parse().ok()).unwrap_or(1);
+    for _ in 0..150 * scale {
         for source in &sources {
             let mut bytes = source.clone();
             damage(&mut bytes, &mut random);

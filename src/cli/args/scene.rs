@@ -110,6 +110,10 @@ pub struct RenderOptions {
     /// 127.0.0.1:14158
     #[arg(long, value_name = "HOST:PORT", value_parser = values::host_and_port)]
     pub tev: Option<String>,
+    /// Shows the picture while it renders in the browser, as `abbe view` does
+    #[cfg(feature = "view")]
+    #[arg(long)]
+    pub view: bool,
     /// Refuses to load or render what needs more memory than SIZE in all, such as 500M or 2G; what
     /// the machine has otherwise
     #[arg(long, value_name = "SIZE", value_parser = values::size)]

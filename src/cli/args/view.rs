@@ -8,8 +8,8 @@ use std::path::PathBuf;
 /// Options of `abbe view`.
 #[derive(Debug, Args)]
 pub struct ViewOptions {
-    /// The scene file or model to render and look at, or an image (EXR with channels X, Y, Z) or
-    /// part
+    /// The scene file or model to render and look at, or an image (EXR with channels X, Y, Z),
+    /// part, or folder of a job
     #[arg(value_name = "SCENE")]
     pub path: PathBuf,
     /// Passes, one sample per pixel each
@@ -20,6 +20,9 @@ pub struct ViewOptions {
     /// The sensor; the first otherwise
     #[arg(long, value_name = "NAME")]
     pub sensor: Option<String>,
+    /// An image or part of the same size to hold the picture against, left of a line
+    #[arg(long, value_name = "IMAGE")]
+    pub against: Option<PathBuf>,
     /// Threads; all cores otherwise
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,

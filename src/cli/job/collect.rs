@@ -1,6 +1,5 @@
 //! `abbe job collect`: the image of what is done.
 
-use super::counted;
 use super::run::damage;
 use crate::cli::args::CollectOptions;
 use crate::cli::image_output::{check_ending, preview_path, write_image};
@@ -10,6 +9,7 @@ use crate::io::part::Part;
 use crate::io::{image, part};
 use crate::job::Folder;
 use crate::job::status::error_of;
+use crate::report::readable::counted;
 
 /// Runs the command.
 pub fn run(options: &CollectOptions) -> Result<Outcome, CliError> {

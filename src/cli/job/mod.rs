@@ -19,11 +19,6 @@ pub fn run(command: &JobCommand) -> Result<Outcome, CliError> {
     }
 }
 
-/// A number of things.
-fn counted(count: u64, one: &str, several: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { several })
-}
-
 /// A time for reading.
 fn time_text(time: Duration) -> String {
     let seconds = time.as_secs_f64();

@@ -1,10 +1,11 @@
 //! `abbe job new`: the folder of a job.
 
-use super::{counted, time_text};
+use super::time_text;
 use crate::cli::args::NewJobOptions;
 use crate::cli::usage::bytes_text;
 use crate::cli::{CliError, Outcome, memory, print, tell, threads};
 use crate::job::freeze::{self, Made, Request};
+use crate::report::readable::counted;
 
 /// Runs the command.
 pub fn run(options: &NewJobOptions) -> Result<Outcome, CliError> {

@@ -1,10 +1,11 @@
 //! `abbe job run`: a worker.
 
-use super::{counted, time_text};
+use super::time_text;
 use crate::cli::args::RunOptions;
 use crate::cli::{CliError, Outcome, interrupt, memory, print, tell, threads};
 use crate::job::work::{self, End, Event, Summary};
 use crate::job::{Folder, JobError, thaw};
+use crate::report::readable::counted;
 use std::sync::Mutex;
 
 /// Runs the command.

@@ -1,13 +1,14 @@
 //! `abbe job status`: how far a job is.
 
 use super::run::damage;
-use super::{counted, time_text};
+use super::time_text;
 use crate::cli::args::StatusOptions;
 use crate::cli::{CliError, Outcome, print, tell};
 use crate::job::Folder;
 use crate::job::claims::Seen;
 use crate::job::status::{Status, error_of};
 use crate::render::ErrorEstimate;
+use crate::report::readable::counted;
 use serde_json::json;
 use std::time::Duration;
 

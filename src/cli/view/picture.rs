@@ -2,7 +2,8 @@
 //! command line.
 
 use super::http::{Request, Response};
-use super::studio::{Studio, Subject};
+use super::stage::Subject;
+use super::studio::Studio;
 use crate::develop::{Development, Exposure, ToneCurve, White};
 use crate::io::exr::{self, ExrImage};
 use crate::io::image::development;
@@ -98,10 +99,13 @@ pub fn show(request: &Request, studio: &Studio) -> Result<Response, Response> {
         return png(&image, layer, request);
     }
     let look = match &stage.subject {
-        // light that only merged photons bring is not in it
-        Subject::Look(look) | Subject::Render { look, .. } if !look.is_black() => look,
-        _ => return Err(Response::nothing_yet()),
+        Subject::Look(look) => Some(look),
+        Subject::Render { look, .. } => look.as_ref(),
+        Subject::Image(_) => None,
     };
+    // light that only merged photons bring is not in it
+    let look = look.filter(|look| !look.is_black());
+    let look = look.ok_or_else(Response::nothing_yet)?;
     let base = if stage.is_detector {
         Development::MEASUREMENT
     } else {

@@ -3,19 +3,17 @@
 use super::super::args::ViewOptions;
 use super::CliError;
 use super::settings;
+use super::source::{Found, Source};
+use super::stage::{Stage, Subject};
 use crate::io::exr::ExrImage;
-use crate::io::image;
-use crate::io::layers::{self, Layer};
+use crate::io::identity;
+use crate::io::layers;
 use crate::io::loaded::{self, Loaded};
-use crate::io::model_file::ModelKind;
-use crate::io::{identity, part};
-use crate::math::named::Named;
 use crate::render::forecast::Forecast;
 use crate::render::look::Look;
-use crate::render::session::View;
-use crate::render::{Cancel, Render, Session, SessionOptions};
+use crate::render::{Cancel, Progress, Session, SessionOptions};
+use crate::report::readable::counted;
 use crate::scene::Settings;
-use crate::spectrum::SensorResponse;
 use rayon::ThreadPool;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -30,35 +28,6 @@ const BLOCK: u32 = 4;
 /// takes 64 bytes a bin.
 const BINS: u64 = 24;
 const SPECTRAL_BYTES: u64 = 512 << 20;
-
-/// Subject of the page: a first look, a render or an image.
-#[derive(Debug)]
-pub enum Subject {
-    /// The first look at a render that is being prepared.
-    Look(Look),
-    /// A render, with the look at it until its first pass is done.
-    Render { view: View, look: Look },
-    /// An image of a file.
-    Image(ExrImage),
-}
-
-/// Something to look at, and what is known of it.
-#[derive(Debug)]
-pub struct Stage {
-    /// Grows with every stage.
-    pub version: u64,
-    /// File and sensor.
-    pub name: String,
-    pub subject: Subject,
-    /// Columns and rows of the picture.
-    size: (u32, u32),
-    /// Settings of a render.
-    settings: Option<Settings>,
-    /// Whether irradiance is measured.
-    pub is_detector: bool,
-    /// cd/m² or lux that a Y of 1 stands for.
-    pub unit: f64,
-}
 
 /// Images that stay as they are, to compare with.
 #[derive(Debug)]
@@ -111,18 +80,13 @@ enum Wanted {
 #[derive(Debug)]
 pub struct Studio {
     path: PathBuf,
+    source: Source,
+    /// The reference that the command line names, and its columns and rows.
+    against: Option<(PathBuf, (u32, u32))>,
     overrides: Vec<(String, String)>,
     sensor: Option<String>,
     shared: Mutex<Shared>,
     changed: Condvar,
-}
-
-/// Whether a file holds an image rather than a scene.
-fn is_image(path: &Path) -> bool {
-    let is_exr = path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("exr"));
-    is_exr || ModelKind::of(path).is_none() && part::is_part(path).unwrap_or(false)
 }
 
 impl Studio {
@@ -132,16 +96,25 @@ impl Studio {
     /// There is no such file.
     pub fn open(options: &ViewOptions) -> Result<Self, CliError> {
         let path = &options.path;
-        if !path.is_file() {
-            return Err(CliError::file(path, "there is no such file"));
+        let source = Source::of(path)?;
+        let (mut against, mut snapshot) = (None, None);
+        if let Some(path) = &options.against {
+            let image = Found::of_file(path)?.image;
+            against = Some((path.clone(), (image.crop.width(), image.crop.height())));
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let text = format!("reference: {name}");
+            snapshot = Some(Arc::new(Snapshot { image, text }));
         }
         Ok(Self {
             path: path.clone(),
+            source,
+            against,
             overrides: options.scene_overrides(),
             sensor: options.sensor.clone(),
             shared: Mutex::new(Shared {
                 wanted: Some(Wanted::Load),
-                files: vec![path.clone()],
+                files: vec![source.watched(path)],
+                snapshot,
                 standing: Standing {
                     phase: "loading",
                     ..Standing::default()
@@ -150,6 +123,68 @@ impl Studio {
             }),
             changed: Condvar::new(),
         })
+    }
+
+    /// A studio that shows what another command renders.
+    pub fn beside(path: &Path) -> Self {
+        Self {
+            path: path.to_owned(),
+            source: Source::Scene,
+            overrides: Vec::new(),
+            sensor: None,
+            against: None,
+            shared: Mutex::new(Shared {
+                standing: Standing {
+                    phase: "loading",
+                    ..Standing::default()
+                },
+                ..Shared::default()
+            }),
+            changed: Condvar::new(),
+        }
+    }
+
+    /// Shows a render of another command, whose settings stay as they are.
+    pub fn watch_render(&self, loaded: &Loaded, session: &Session) {
+        let (sensor, crop) = {
+            let render = session.render();
+            (render.sensor(), render.crop())
+        };
+        self.show(Stage {
+            version: self.next_version(),
+            name: self.name_of(loaded, sensor),
+            size: (crop.width(), crop.height()),
+            pitch_m: identity::pixel_pitch(&loaded.scene, sensor),
+            is_detector: identity::is_detector(&loaded.scene, sensor),
+            unit: loaded.response().photometric_unit(),
+            settings: None,
+            subject: Subject::Render {
+                view: session.view(),
+                look: None,
+            },
+        });
+        self.shared().standing = Standing {
+            phase: "rendering",
+            ..Standing::default()
+        };
+    }
+
+    /// Takes note of how far a render is.
+    pub fn follow(&self, session: &Session, state: &Progress) {
+        let error = session.render().error().map(|e| e.relative);
+        let forecast = match session.forecast(None) {
+            Some((target, Forecast::Takes { time, .. })) => Some((target, time.as_secs_f64())),
+            _ => None,
+        };
+        let mut shared = self.shared();
+        let standing = &mut shared.standing;
+        standing.passes = state.passes;
+        standing.elapsed = state.elapsed.as_secs_f64();
+        standing.error = error;
+        standing.forecast = forecast;
+        if state.stop.is_some() {
+            standing.phase = "done";
+        }
     }
 
     fn shared(&self) -> MutexGuard<'_, Shared> {
@@ -176,9 +211,10 @@ impl Studio {
             Subject::Image(_) => stage.name.clone(),
             Subject::Render { view, .. } => {
                 let render = view.read();
-                let (settings, passes) = (render.settings(), render.passes().len());
+                let settings = render.settings();
+                let passes = counted(render.passes().len() as u64, "pass", "passes");
                 format!(
-                    "{}, regularize {}, aim {}, {} lanes, {passes} passes",
+                    "{}, regularize {}, aim {}, {} lanes, {passes}",
                     settings.integrator, settings.regularization.mode, settings.aim, settings.lanes
                 )
             }
@@ -255,6 +291,9 @@ impl Studio {
             if let Some(loaded) = &scene {
                 let rendered = self.render(loaded, &cancel, pool);
                 let mut shared = self.shared();
+                if rendered.is_err() {
+                    shared.standing.phase = "stopped";
+                }
                 shared.problem = rendered.err().map(|e| e.to_string());
             }
         }
@@ -274,47 +313,52 @@ impl Studio {
 
     /// Reads the scene. `None` where the file is an image, which is shown at once.
     fn load(&self) -> Result<Option<Loaded>, CliError> {
-        if !is_image(&self.path) {
-            let loaded = loaded::load(&self.path, &self.overrides);
-            let mut shared = self.shared();
-            if let Ok(loaded) = &loaded {
-                shared.files.clone_from(&loaded.files);
+        let found = match self.source {
+            Source::Scene => {
+                let loaded = loaded::load(&self.path, &self.overrides);
+                let mut shared = self.shared();
+                if let Ok(loaded) = &loaded {
+                    shared.files.clone_from(&loaded.files);
+                }
+                return Ok(Some(loaded?));
             }
-            return Ok(Some(loaded?));
-        }
-        let image = image::read(&self.path)?;
-        if image.xyz().is_none() {
-            let message = "has no channels X, Y and Z";
-            return Err(CliError::file(&self.path, message));
-        }
-        let text = |name: &str| match image.metadata.get(name) {
-            Some(crate::io::exr::MetadataValue::Text(text)) => text.as_str(),
-            _ => "",
+            Source::Image => Found::of_file(&self.path)?,
+            Source::Job => Found::of_job(&self.path)?,
         };
-        let response = if text("unit").starts_with("photometric") {
-            SensorResponse::Photometric
-        } else {
-            SensorResponse::Xyz
-        };
-        let stage = Stage {
-            version: self.next_version(),
-            name: self.name(),
-            size: (image.crop.width(), image.crop.height()),
-            settings: None,
-            is_detector: text(identity::SENSOR_KIND) == identity::DETECTOR,
-            unit: response.photometric_unit(),
-            subject: Subject::Image(image),
-        };
+        let stage = Stage::of_image(self.next_version(), self.name(), found.image);
+        self.check_reference(stage.size)?;
         self.show(stage);
         let mut shared = self.shared();
         shared.problem = None;
-        shared.standing.phase = "image";
+        shared.standing = Standing {
+            phase: "image",
+            passes: found.passes,
+            all: found.all,
+            ..Standing::default()
+        };
         Ok(None)
+    }
+
+    /// Whether the reference of the command line fits a picture of this size.
+    fn check_reference(&self, size: (u32, u32)) -> Result<(), CliError> {
+        let Some((path, found)) = self.against.as_ref().filter(|(_, found)| *found != size) else {
+            return Ok(());
+        };
+        let (found, size) = ([found.0, found.1], [size.0, size.1]);
+        let message = format!(
+            "has {} x {} pixels, the picture {} x {}",
+            found[0], found[1], size[0], size[1]
+        );
+        Err(CliError::file(path, message))
     }
 
     fn name(&self) -> String {
         let name = self.path.file_name().unwrap_or_default();
         name.to_string_lossy().into_owned()
+    }
+
+    fn name_of(&self, loaded: &Loaded, sensor: usize) -> String {
+        format!("{}: {}", self.name(), loaded.scene.sensors[sensor].name)
     }
 
     fn next_version(&self) -> u64 {
@@ -355,14 +399,16 @@ impl Studio {
             };
         }
         let film = loaded.scene.sensors[sensor].whole_film();
+        self.check_reference((film.width(), film.height()))?;
         let (pixels, response) = (film.pixels(), loaded.response());
         let first_look = || Look::new(&loaded.scene, sensor, &settings, response, BLOCK);
         let look = pool.install(first_look);
         let version = self.next_version();
         let stage = |subject: Subject| Stage {
             version,
-            name: format!("{}: {}", self.name(), loaded.scene.sensors[sensor].name),
+            name: self.name_of(loaded, sensor),
             size: (film.width(), film.height()),
+            pitch_m: identity::pixel_pitch(&loaded.scene, sensor),
             is_detector: identity::is_detector(&loaded.scene, sensor),
             unit: response.photometric_unit(),
             settings: Some(settings.clone()),
@@ -381,23 +427,15 @@ impl Studio {
         let begun = pool.install(|| Session::new(scene, &settings, options));
         let mut session = begun?;
         let view = session.view();
-        self.show(stage(Subject::Render { view, look }));
+        self.show(stage(Subject::Render {
+            view,
+            look: Some(look),
+        }));
         self.shared().standing.phase = "rendering";
         loop {
             let state = pool.install(|| session.step());
-            let error = session.render().error().map(|e| e.relative);
-            let forecast = match session.forecast(None) {
-                Some((target, Forecast::Takes { time, .. })) => Some((target, time.as_secs_f64())),
-                _ => None,
-            };
-            let mut shared = self.shared();
-            let standing = &mut shared.standing;
-            standing.passes = state.passes;
-            standing.elapsed = state.elapsed.as_secs_f64();
-            standing.error = error;
-            standing.forecast = forecast;
+            self.follow(&session, &state);
             if state.stop.is_some() {
-                standing.phase = "done";
                 return Ok(());
             }
         }
@@ -431,98 +469,4 @@ impl Studio {
             std::thread::sleep(LOOK);
         }
     }
-}
-
-impl Stage {
-    /// The image as the command line writes it. `None` before the first pass.
-    pub fn image(&self) -> Option<ExrImage> {
-        match &self.subject {
-            Subject::Look(_) => None,
-            Subject::Image(image) => Some(image.clone()),
-            Subject::Render { view, .. } => {
-                let render = view.read();
-                (!render.passes().is_empty()).then(|| image::of(&render))
-            }
-        }
-    }
-
-    /// The image with its standard error, in the layer `error`.
-    pub fn image_with_error(&self) -> Option<ExrImage> {
-        let mut image = self.image()?;
-        if let Subject::Render { view, .. } = &self.subject {
-            layers::add(&mut image, &[Layer::Error], &view.read(), &[]);
-        }
-        Some(image)
-    }
-
-    /// Layers that can be shown, besides the picture itself.
-    fn layers(&self) -> Vec<String> {
-        match &self.subject {
-            Subject::Look(_) | Subject::Render { .. } => vec!["error".to_owned()],
-            Subject::Image(image) => {
-                let names = image.channels.iter();
-                let names = names.filter_map(|c| Some(c.name.rsplit_once('.')?.0.to_owned()));
-                let mut names: Vec<String> = names.collect();
-                names.sort();
-                names.dedup();
-                names
-            }
-        }
-    }
-
-    fn facts(&self) -> Value {
-        let (width, height) = self.size;
-        json!({
-            "version": self.version,
-            "name": self.name,
-            "width": width,
-            "height": height,
-            "renders": self.settings.is_some(),
-            "detector": self.is_detector,
-            "layers": self.layers(),
-            "settings": self.settings.as_ref().map(settings::shown),
-            "choices": settings::choices(),
-            "tones": crate::develop::ToneCurve::ALL.iter().map(|t| t.as_str()).collect::<Vec<_>>(),
-        })
-    }
-
-    /// A pixel from the top left: XYZ, luminance and spectrum.
-    pub fn pixel(&self, x: u32, y: u32) -> Option<Value> {
-        let (width, height) = self.size;
-        if x >= width || y >= height {
-            return None;
-        }
-        let (xyz, spectrum) = match &self.subject {
-            Subject::Image(image) => {
-                let index = y as usize * width as usize + x as usize;
-                let value = |name: &str| Some(f64::from(*image.channel(name)?.get(index)?));
-                (["X", "Y", "Z"].map(|name| value(name).unwrap_or(0.0)), None)
-            }
-            Subject::Look(_) => return None,
-            Subject::Render { view, .. } => render_pixel(&view.read(), x, y)?,
-        };
-        Some(json!({
-            "x": x,
-            "y": y,
-            "xyz": xyz,
-            "luminance": xyz[1] * self.unit,
-            "unit": if self.is_detector { "lx" } else { "cd/m²" },
-            "spectrum": spectrum,
-        }))
-    }
-}
-
-/// XYZ and spectrum of a pixel of a render.
-fn render_pixel(render: &Render, x: u32, y: u32) -> Option<([f64; 3], Option<Value>)> {
-    let crop = render.crop();
-    let (x, y) = (crop.x0 + x, crop.y0 + y);
-    let passes = render.passes().len() as u64;
-    let xyz = render.outputs().image.pixel(x, y, passes)?;
-    let spectrum = render.outputs().spectral.as_ref().and_then(|(channels, film)| {
-        let values = film.pixel(x, y, passes)?;
-        let nm: Vec<f64> = channels.bin_centers_nm().collect();
-        let (bins, lines) = values.split_at(nm.len());
-        Some(json!({ "nm": nm, "values": bins, "lines_nm": channels.lines_nm(), "lines": lines }))
-    });
-    Some((<[f64; 3]>::try_from(xyz).ok()?, spectrum))
 }

@@ -4,14 +4,17 @@
 use super::color::{Raster, Statement, Transfer, Values};
 use super::primaries::{Primaries, SRGB};
 use super::{Decoded, Encoding, Limits, check_size};
-use png::{BitDepth, DecodeOptions, Decoder, Info, Transformations};
+use png::{BitDepth, ColorType, DecodeOptions, Decoder, Info, Transformations};
 use std::io::Cursor;
 
 /// The gAMA chunk that writers put beside sRGB, or in its place.
 const GAMMA_OF_SRGB: u32 = 45455;
 
 pub fn decode(bytes: &[u8], encoding: Encoding, limits: Limits) -> Result<Decoded, String> {
-    let text = |e: png::DecodingError| format!("not a readable PNG image ({e})");
+    let text = |e: png::DecodingError| {
+        let reason = named_chunks(&e.to_string());
+        format!("not a readable PNG image ({reason})")
+    };
     let mut options = DecodeOptions::default();
     options.set_ignore_checksums(false);
     options.set_skip_ancillary_crc_failures(false);
@@ -27,6 +30,11 @@ pub fn decode(bytes: &[u8], encoding: Encoding, limits: Limits) -> Result<Decode
     let frame = reader.next_frame(&mut buffer).map_err(text)?;
     // a file that is cut behind its texels is cut short as well
     reader.finish().map_err(text)?;
+    if let Some(key) = transparent_gray(reader.info()) {
+        for texel in buffer.as_chunks_mut::<2>().0 {
+            texel[1] = if texel[0] == key { 0 } else { u8::MAX };
+        }
+    }
     let statement = match encoding {
         Encoding::Stated => statement(reader.info())?,
         Encoding::Srgb | Encoding::Linear => Statement::Srgb,
@@ -49,6 +57,26 @@ pub fn decode(bytes: &[u8], encoding: Encoding, limits: Limits) -> Result<Decode
         statement,
     }
     .image(encoding)
+}
+
+/// Reason of the decoder, with the name of each chunk in place of all that it knows of it.
+fn named_chunks(reason: &str) -> String {
+    let mut pieces = reason.split("ChunkType { type: ");
+    let first = pieces.next().unwrap_or_default().to_owned();
+    pieces.fold(first, |text, piece| {
+        let (name, rest) = piece.split_once(" }").unwrap_or((piece, ""));
+        text + name.split(',').next().unwrap_or_default() + rest
+    })
+}
+
+/// The transparent gray of an image of less than 8 bits, as [`Transformations::EXPAND`] scales it.
+/// Of the 16 bits that the tRNS chunk has for it, those of the depth count (PNG, third edition,
+/// 11.3.1.1); the decoder compares 8.
+fn transparent_gray(info: &Info) -> Option<u8> {
+    let depth = info.bit_depth as u32;
+    let key = *info.trns.as_deref()?.last()?;
+    let largest = 1_u8.checked_shl(depth)? - 1;
+    (info.color_type == ColorType::Grayscale).then(|| (key & largest) * (u8::MAX / largest))
 }
 
 fn texels<T: Copy + Default>(values: &[T], samples: usize, opaque: T) -> Vec<[T; 4]> {
@@ -145,7 +173,7 @@ fn code_points(primaries: u8, transfer: u8) -> Result<Statement, String> {
 mod tests {
     use super::*;
     use crate::texture::Image;
-    use png::{BitDepth, ColorType, Encoder};
+    use png::Encoder;
 
     fn encode(color: ColorType, depth: BitDepth, data: &[u8]) -> Vec<u8> {
         with_chunk(color, depth, data, *b"teST", &[])
@@ -187,6 +215,22 @@ mod tests {
         assert_eq!(alpha.texel(0, 1, 0), [1.0, 1.0, 1.0, 0.2]);
         let rgba = read(ColorType::Rgba, &[0, 0, 0, 0, 255, 0, 51, 255]);
         assert_eq!(rgba.texel(0, 1, 0), [1.0, 0.0, 0.2, 1.0]);
+    }
+
+    #[test]
+    fn a_transparent_gray_has_the_bits_of_the_depth() {
+        for (depth, data, key, alpha) in [
+            (BitDepth::One, [0x40].as_slice(), [0xa5, 0x5f], [1.0, 0.0]),
+            (BitDepth::Two, &[0x70], [0, 0xf1], [0.0, 1.0]),
+            (BitDepth::Four, &[0x7c], [0, 0x0c], [1.0, 0.0]),
+            (BitDepth::Eight, &[7, 0xfc], [0x33, 0xfc], [1.0, 0.0]),
+            (BitDepth::Sixteen, &[1, 2, 3, 4], [1, 2], [0.0, 1.0]),
+        ] {
+            let bytes = with_chunk(ColorType::Grayscale, depth, data, *b"tRNS", &key);
+            let image = read(&bytes, Encoding::Linear).expect("valid");
+            let read = [0, 1].map(|x| image.texel(0, x, 0)[3]);
+            assert_eq!(read, alpha, "{depth:?}");
+        }
     }
 
     #[test]
@@ -240,6 +284,11 @@ mod tests {
         let mut flipped = valid.clone();
         flipped[data + 8] ^= 4;
         assert!(read(&flipped, Encoding::Stated).is_err());
+        // the checksum of the first chunk
+        let mut flipped = valid.clone();
+        flipped[29] ^= 4;
+        let reason = read(&flipped, Encoding::Stated).expect_err("damaged");
+        assert!(reason.ends_with(" while decoding IHDR chunk.)"), "{reason}");
         // also where all texels are there
         for length in 0..valid.len() {
             assert!(

@@ -133,7 +133,7 @@ pub fn deforming(
 #[derive(Debug, thiserror::Error)]
 pub enum FramesError {
     /// A file has other faces than the first.
-    #[error("{count} triangles where the first frame has {expected}")]
+    #[error("the number of triangles is {count}, that of the first frame {expected}")]
     Faces {
         /// Which frame, from 0.
         frame: usize,
@@ -257,6 +257,9 @@ mod tests {
         let frames = vec![(0.0, arrays(shared)), (1.0, arrays(fewer))];
         let error = deforming(frames, shutter).expect_err("one face is missing");
         assert_eq!(error.frame(), 1);
-        assert_eq!(error.to_string(), "1 triangles where the first frame has 2");
+        assert_eq!(
+            error.to_string(),
+            "the number of triangles is 1, that of the first frame 2"
+        );
     }
 }

@@ -21,10 +21,17 @@ struct Override {
     start: usize,
 }
 
+/// Characters of an override that a message repeats.
+const MOST_TOLD: usize = 120;
+
 impl Override {
-    /// As typed: `KEY=VALUE`.
+    /// As typed, `KEY=VALUE`, as far as it is read at a glance.
     fn typed(&self) -> String {
-        format!("{}={}", self.key, self.value)
+        let whole = format!("{}={}", self.key, self.value);
+        match whole.char_indices().nth(MOST_TOLD) {
+            Some((end, _)) => format!("{}...", &whole[..end]),
+            None => whole,
+        }
     }
 
     /// The value: as TOML where it is, else as a string (`--set render.integrator=path`).

@@ -42,6 +42,15 @@ pub enum Problem {
     File(#[from] FileProblem),
 }
 
+/// Number as messages say it: with an exponent where it would be a row of zeros.
+pub fn number_text(value: f64) -> String {
+    match value.abs() {
+        0.0 => value.to_string(),
+        size if (1e-9..1e15).contains(&size) => value.to_string(),
+        _ => format!("{value:e}"),
+    }
+}
+
 fn hint(suggestion: Option<&str>, known: &[String]) -> String {
     match (suggestion, known) {
         (Some(near), _) => format!(" (did you mean \"{near}\"?)"),

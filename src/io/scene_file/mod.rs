@@ -106,15 +106,25 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedScene, 
             read_str(&text, &name, folder(path), overrides).map_err(SceneFileErrors::of_model)?
         }
         None => {
-            let text = read_scene_text(path).map_err(whole)?;
-            read_str(&text, &name, folder(path), overrides).map_err(|errors| {
-                let named = path.extension().is_none_or(|e| e == "toml");
-                if named || text.len() > MOST_ASKED || text.parse::<toml::Table>().is_ok() {
-                    return errors;
-                }
+            let named = path.extension().is_none_or(|e| e == "toml");
+            let foreign = || {
                 let message = "is no scene file (TOML), and its ending is none of a model's \
                                (allowed: .toml, .gltf, .glb, .obj, .ply)";
                 whole(Problem::Form(message.to_owned()))
+            };
+            let bytes = read_scene_bytes(path).map_err(whole)?;
+            let text = String::from_utf8(bytes).map_err(|e| {
+                if !named {
+                    return foreign();
+                }
+                let at = e.utf8_error().valid_up_to();
+                whole(Problem::Form(format!("not UTF-8 at byte {at}")))
+            })?;
+            read_str(&text, &name, folder(path), overrides).map_err(|errors| {
+                if named || text.len() > MOST_ASKED || text.parse::<toml::Table>().is_ok() {
+                    return errors;
+                }
+                foreign()
             })?
         }
     };
@@ -149,15 +159,10 @@ fn read_source(source: &Source, folder: Option<&Path>) -> Result<LoadedScene, Sc
     scene::read(&document, source, folder)
 }
 
-fn read_scene_text(path: &Path) -> Result<String, Problem> {
-    let bytes = files::read_regular(path, files::MAX_SCENE_BYTES);
-    let bytes = bytes.map_err(|e| match e.kind() {
+fn read_scene_bytes(path: &Path) -> Result<Vec<u8>, Problem> {
+    files::read_regular(path, files::MAX_SCENE_BYTES).map_err(|e| match e.kind() {
         ErrorKind::NotFound => Problem::no_file(),
         _ => Problem::Form(e.to_string()),
-    })?;
-    String::from_utf8(bytes).map_err(|e| {
-        let at = e.utf8_error().valid_up_to();
-        Problem::Form(format!("not UTF-8 at byte {at}"))
     })
 }
 

@@ -2,7 +2,7 @@
 //! problem; a part that cannot be made sense of is left out, and its uses are not reported too.
 
 use super::document::{Node, Source};
-use super::error::{Place, Problem, SceneFileErrors};
+use super::error::{Place, Problem, SceneFileErrors, number_text};
 use super::keys::Range;
 use super::material::MaterialFacts;
 use super::model::Unread;
@@ -194,7 +194,7 @@ impl<'s> Reader<'s> {
     /// Reports a number outside its range.
     pub fn in_range(&mut self, what: &str, value: f64, at: &Span<usize>, range: Range) {
         if !range.contains(value) {
-            self.out_of_range(what, value.to_string(), at, range.text);
+            self.out_of_range(what, number_text(value), at, range.text);
         }
     }
 

@@ -164,3 +164,28 @@ fn a_description_that_is_no_scene_is_told_at_its_place() {
         "a.toml:12:1: light \"light 0\" moves from one medium into another while the shutter is open"
     );
 }
+
+#[test]
+fn a_long_override_is_told_as_far_as_it_is_read_at_a_glance() {
+    let text = "[[sensor]]\nperspective = { eye = [0, 0, 5], target = [0, 0, 0], fov_deg = 40 }\n";
+    let long = ("sensor.0.resolution".to_owned(), "ö".repeat(10_000));
+    let error = read_str(text, "a.toml", Path::new("/nonexistent"), &[long]).expect_err("no size");
+    let told = error.to_string();
+    let expected = format!("--set sensor.0.resolution={}...: ", "ö".repeat(100));
+    assert!(told.starts_with(&expected), "{told}");
+}
+
+#[test]
+fn numbers_of_messages_are_no_rows_of_zeros() {
+    for (value, text) in [
+        (0.0, "0"),
+        (-1.5, "-1.5"),
+        (0.001, "0.001"),
+        (1e6, "1000000"),
+        (1e300, "1e300"),
+        (-2.5e-30, "-2.5e-30"),
+        (f64::INFINITY, "inf"),
+    ] {
+        assert_eq!(error::number_text(value), text);
+    }
+}

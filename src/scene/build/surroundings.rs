@@ -42,19 +42,28 @@ impl Builder {
         Ok(())
     }
 
+    /// Pairs of instances whose bounds have something in common.
+    pub(super) fn overlaps(&self) -> Result<Vec<[InstanceId; 2]>, BuildError> {
+        overlaps(&self.instances).map_err(|too_many| self.too_many(too_many))
+    }
+
+    fn too_many(&self, TooManyContacts(pair): TooManyContacts) -> BuildError {
+        let (subject, name, other) = self.named(pair);
+        BuildError::TooManyContacts {
+            subject,
+            name,
+            other,
+        }
+    }
+
     /// Surroundings of each object: surfaces that touch it, and solids that decide about segments.
     /// The contacts.
-    pub(super) fn surroundings(&mut self, accel: &Accel) -> Result<Vec<Contact>, BuildError> {
-        let too_many = |TooManyContacts(pair)| {
-            let (subject, name, other) = self.named(pair);
-            BuildError::TooManyContacts {
-                subject,
-                name,
-                other,
-            }
-        };
-        let overlaps = overlaps(accel.instances()).map_err(too_many)?;
-        let contacts = contacts(accel, &overlaps).map_err(too_many)?;
+    pub(super) fn surroundings(
+        &mut self,
+        accel: &Accel,
+        overlaps: &[[InstanceId; 2]],
+    ) -> Result<Vec<Contact>, BuildError> {
+        let contacts = contacts(accel, overlaps).map_err(|too_many| self.too_many(too_many))?;
         for contact in &contacts {
             let [first, second] = contact.pair.map(|id| &self.objects[id.0 as usize]);
             let hides = |o: &Object| o.sensor.is_some() && !o.transparent_sensor;
@@ -80,8 +89,8 @@ impl Builder {
             });
         }
         let mut among_solids = vec![false; self.objects.len()];
-        for [a, b] in overlaps {
-            let [a, b] = [a, b].map(|id| id.0 as usize);
+        for pair in overlaps {
+            let [a, b] = pair.map(|id| id.0 as usize);
             let separates = |i: usize| self.objects[i].boundary != Boundary::None;
             if separates(a) && separates(b) {
                 among_solids[a] = true;

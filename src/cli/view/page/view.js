@@ -52,12 +52,12 @@ function showStatus() {
   const parts = [];
   const { phase } = state;
   if (phase === "rendering" || phase === "done") {
-    parts.push(`${state.passes} of ${state.all} passes`);
+    parts.push(state.all ? `${state.passes} of ${state.all} passes` : `${state.passes} passes`);
     if (state.error !== null) parts.push(`error ${percent(state.error)}`);
     parts.push(`${seconds(state.elapsed)} gone`);
     if (phase === "done") {
       parts.push("done");
-    } else if (state.passes > 0) {
+    } else if (state.passes > 0 && state.all) {
       const left = (state.elapsed / state.passes) * (state.all - state.passes);
       parts.push(`about ${seconds(left)} left`);
     }
@@ -66,6 +66,7 @@ function showStatus() {
     }
   } else if (phase === "image" && state.stage) {
     parts.push(`${state.stage.width} × ${state.stage.height} pixels`);
+    if (state.passes > 0) parts.push(`${state.passes}${state.all ? ` of ${state.all}` : ""} passes`);
   } else {
     parts.push(phase);
   }
@@ -117,7 +118,8 @@ function showSnapshot() {
   const there = state.snapshot !== null;
   $("divide").disabled = !there;
   if (there) $("snapshot").textContent = state.snapshot;
-  for (const id of ["split", "tag-left", "tag-right"]) $(id).hidden = !there;
+  for (const id of ["split", "tag-left", "tag-right"]) $(id).hidden = !(there && held.image);
+  $("tag-left").textContent = state.snapshot?.startsWith("reference: ") ? "reference" : "snapshot";
 }
 
 // ---- pictures
@@ -162,6 +164,7 @@ async function refresh() {
     if (state.snapshot !== null && before !== held.key) {
       const loaded = await load(`picture.png?${query({ of: "snapshot" })}`);
       if (loaded) held = { ...loaded, key: before };
+      showSnapshot();
       draw();
     }
   } catch (error) {
@@ -216,6 +219,19 @@ function draw() {
     context.strokeRect(x + pixel.x * scale - 0.5, y + pixel.y * scale - 0.5, scale + 1, scale + 1);
   }
   $("zoom").textContent = `${Math.round(100 * scale)} %`;
+  drawBar(scale);
+}
+
+// The scale bar of a detector: the longest of 1, 2, 5, 10... that takes at most 140 CSS pixels.
+function drawBar(scale) {
+  const pitch = state.stage.pitch;
+  $("bar").hidden = !pitch;
+  if (!pitch) return;
+  const most = (140 / scale) * pitch[0] * 1000;
+  const power = 10 ** Math.floor(Math.log10(most));
+  const length = power * [5, 2, 1].find((step) => step * power <= most);
+  $("bar").style.width = `${((length / 1000 / pitch[0]) * scale).toFixed(1)}px`;
+  $("bar").textContent = `${Number(length.toPrecision(1))} mm`;
 }
 
 // ---- the pixel under the pointer
@@ -437,7 +453,7 @@ async function poll(goOn) {
     $("status").textContent =
       error.status === 401
         ? "locked: open the address that abbe has printed"
-        : "the server is gone: abbe view has ended";
+        : "the server is gone: abbe has ended";
   }
   if (goOn) setTimeout(() => poll(true), state?.phase === "rendering" ? 400 : 700);
 }
