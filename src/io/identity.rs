@@ -142,6 +142,18 @@ fn image_values(
 /// Attribute with the width of a pixel over its height, which OpenEXR has a place of its own for.
 pub const PIXEL_ASPECT: &str = "pixelAspectRatio";
 
+/// Attribute with the width and height of a detector's pixels.
+pub const PIXEL_PITCH: &str = "pixelPitch";
+
+/// Reads the width and height of pixels in meters from the text of [`PIXEL_PITCH`].
+#[must_use]
+pub fn pixel_pitch_m(text: &str) -> Option<[f64; 2]> {
+    let (x, y) = text.strip_suffix(" m")?.split_once(" x ")?;
+    let pitch = [x.parse().ok()?, y.parse().ok()?];
+    let is_length = |v: &f64| v.is_finite() && *v > 0.0;
+    pitch.iter().all(is_length).then_some(pitch)
+}
+
 /// Attributes of a detector's image: its size in the world, and that of its pixels.
 fn detector_values(scene: &Scene, sensor: usize) -> Values {
     let Sensor {
@@ -157,7 +169,7 @@ fn detector_values(scene: &Scene, sensor: usize) -> Values {
     let (x, y) = (width / size.x, height / size.y);
     vec![
         ("detectorSize", format!("{width} x {height} m")),
-        ("pixelPitch", format!("{x} x {y} m")),
+        (PIXEL_PITCH, format!("{x} x {y} m")),
         (PIXEL_ASPECT, format!("{}", x / y)),
     ]
 }

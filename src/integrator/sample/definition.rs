@@ -120,7 +120,7 @@ impl<'a> Finished<'a> {
                 x_sensor = light
                     .sensor_hits
                     .iter()
-                    .find(|h| h.depth + 2 == s)
+                    .find(|h| h.sensor == sensor && h.depth + 2 == s)
                     .unwrap()
                     .x_sensor;
             }
