@@ -375,8 +375,8 @@ impl Job<'_> {
         Ok(each.map(of).collect())
     }
 
-    /// A session of a sensor and its companions, with the passes of the part to go on with and the first hits that
-    /// layers ask for. `None` where an interrupt comes before it is ready.
+    /// A session of a sensor and its companions, with the passes of the part to go on with and the
+    /// first hits that layers ask for. `None` where an interrupt comes before it is ready.
     fn begin(&self, films: &[Film]) -> Option<Result<Begun, CliError>> {
         let options = self.options;
         let session_options = SessionOptions {

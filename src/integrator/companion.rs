@@ -1,7 +1,7 @@
 //! Companions: detectors that the light sub-paths of another detector's job fill as well.
 //!
-//! What a light sub-path gives a detector (arrivals and connections, t <= 1) needs no camera
-//! sub-path, so one set of light sub-paths serves any number of detectors. Each has weights of its
+//! Arrivals of a light sub-path and connections to it (t <= 1) need no camera sub-path, so one set
+//! of light sub-paths serves any number of detectors. Each has weights of its
 //! own: its strategies are executed as often per pixel of its film as the job traces light
 //! sub-paths.
 

@@ -69,7 +69,7 @@ impl Render {
         self.companions.iter().map(companion).collect()
     }
 
-    /// Its own films and those of its companions.
+    /// Films of this render and of its companions.
     pub(super) fn films(&self) -> Vec<&Outputs> {
         self.and_companions().map(|r| &r.outputs).collect()
     }

@@ -87,7 +87,8 @@ impl Outputs {
         }
     }
 
-    /// Adds a sample's contributions, of paths with these vertices, to everything but the main image.
+    /// Adds a sample's contributions, of paths with these vertices, to everything but the main
+    /// image.
     pub fn add_extras(
         &self,
         (contributions, events): (&[Contribution], &[Event]),

@@ -51,7 +51,7 @@ pub struct Contribution {
     pub emitter: LightId,
     /// Labels of the vertices; empty where nothing is kept by class.
     pub class: PathClass,
-    /// Its scattering vertices from the light on: first and one past the last among the events of
+    /// Scattering vertices from the light on: first and one past the last among the events of
     /// the sample. None of merged paths, and where nothing is kept by class.
     pub events: [u32; 2],
 }

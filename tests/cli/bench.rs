@@ -1,4 +1,5 @@
-//! An optical bench on the command line: planes that share light paths, the flux in the images, spots.
+//! An optical bench on the command line: planes that share light paths, the flux in the images,
+//! spots.
 
 use super::{assert_same, fail, json, succeed};
 use abbe::io::exr::{self, MetadataValue};
@@ -133,8 +134,8 @@ fn spots_are_measured_line_by_line() {
         x(0).abs() < x(1).abs() && number(0, "rms") < number(1, "rms"),
         "{found:#}"
     );
-    // both lines have the same power but for Fresnel's losses
-    assert!((number(0, "power") / number(1, "power") - 1.0).abs() < 0.02);
+    // both lines have the same power but for Fresnel's losses, of 65 536 paths
+    assert!((number(0, "power") / number(1, "power") - 1.0).abs() < 0.05);
     let whole = json(&succeed(
         dir.path(),
         "spot far.exr --json --window 0,0,32,32",
