@@ -310,7 +310,8 @@ pub fn sample_and_merge(
     let start = sensor
         .camera
         .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.moment());
-    let weight = start.weight * context.scene.exposure(&start.xk);
+    let exposure = context.scene.exposure(&start.xk);
+    let weight = start.weight * exposure;
     camera.restart(start.xk, &sensor.stack, None, start.pdf_xk);
     let strategies = job.strategies_of(pass, (x, y));
     if strategies.wants_camera_walk() {
@@ -352,7 +353,8 @@ pub fn sample_and_merge(
         out: contributions,
         scratch,
     };
-    joiner.direct_to_detector(camera, weight);
+    // of a detector, W_e is the density of its points
+    joiner.direct_to_detector(camera, exposure);
     let mut hits = camera.light_hits.iter().peekable();
     for j in 0..camera.vertices.len() {
         if let Some(hit) = hits.next_if(|hit| hit.vertex == j) {
