@@ -3,34 +3,47 @@
 //! Where a layer absorbs, less is reflected from one side than from the other; what passes is the
 //! same both ways (Macleod, Thin-Film Optical Filters, 4th ed., section 2.9).
 
-use crate::optics::coating::{Films, Response};
+use crate::optics::coating::{self, Response};
 use crate::optics::{Polarization, Stack};
 use crate::spectrum::SampledWavelengths;
+use num_complex::Complex64;
 
-/// The layers between the two media of a surface, per lane.
-#[derive(Clone, Debug)]
+/// The layers between the two media of a surface, per lane. Buffers are kept from path to path.
+#[derive(Clone, Debug, Default)]
 pub struct CoatingLanes {
     lambda_nm: Vec<f64>,
-    /// Layers as light from above meets them, and as light from below does.
-    films: Vec<[Films; 2]>,
+    /// Index and thickness in nanometers of each layer as light from above meets them, lane by
+    /// lane.
+    layers: Vec<(Complex64, f64)>,
 }
 
 impl CoatingLanes {
     /// Layers, given as light from above meets them, at the wavelengths of a path.
     #[must_use]
     pub fn new(stack: &Stack, wavelengths: &SampledWavelengths) -> Self {
-        let lanes = 0..wavelengths.count();
-        let lambda_nm: Vec<f64> = lanes.map(|k| wavelengths.lambda_nm(k)).collect();
-        let both = |&nm: &f64| {
-            let (from_above, _) = stack.films(nm, 1.0);
-            let mut from_below = from_above.clone();
-            from_below.layers.reverse();
-            [from_above, from_below]
+        let mut lanes = Self::default();
+        lanes.update(Some(stack), wavelengths);
+        lanes
+    }
+
+    /// Takes the layers of a stack, or none, at the wavelengths of a path.
+    pub fn update(&mut self, stack: Option<&Stack>, wavelengths: &SampledWavelengths) {
+        self.lambda_nm.clear();
+        self.layers.clear();
+        let Some(stack) = stack else {
+            return;
         };
-        Self {
-            films: lambda_nm.iter().map(both).collect(),
-            lambda_nm,
+        for k in 0..wavelengths.count() {
+            let nm = wavelengths.lambda_nm(k);
+            self.lambda_nm.push(nm);
+            self.layers.extend(stack.layers_at(nm));
         }
+    }
+
+    /// Whether there is no coating.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        self.lambda_nm.is_empty()
     }
 
     /// Response in lane `k` to light of a polarization at cosine `cos` in the medium of index
@@ -43,8 +56,14 @@ impl CoatingLanes {
         [near, far]: [f64; 2],
         polarization: Polarization,
     ) -> Response {
-        let films = &self.films[k][usize::from(!above)];
-        films.response(self.lambda_nm[k], near, far.into(), cos, polarization)
+        let count = self.layers.len() / self.lambda_nm.len();
+        let layers = self.layers[k * count..(k + 1) * count].iter().copied();
+        let (nm, far) = (self.lambda_nm[k], Complex64::from(far));
+        if above {
+            coating::response(&layers, nm, near, far, cos, polarization)
+        } else {
+            coating::response(&layers.rev(), nm, near, far, cos, polarization)
+        }
     }
 }
 
@@ -54,8 +73,8 @@ mod tests {
     use crate::bsdf::albedo::NO_ALBEDOS;
     use crate::bsdf::lobe::dielectric::Dielectric;
     use crate::bsdf::{Bsdf, Interface, Label, Lobe, Side, fresnel};
+    use crate::optics::Layer;
     use crate::optics::coating::Thickness;
-    use crate::optics::{Layer, coating};
     use crate::spectrum::{Ior, Library, MAX_LANES, SampledSpectrum, WavelengthDistribution};
     use glam::DVec3;
 

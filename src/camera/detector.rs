@@ -3,7 +3,7 @@
 //! The detector is a rectangle of the scene, the image of the square -1..1 in the plane z = 0 (the
 //! shape `Quad`) under its transform. Columns run along u (+x, to the right), rows from the top
 //! down v (+y, up); it receives on the side of u × v, so a picture is seen the right way round from
-//! there. `W_e` = 1/A and directions are drawn by the cosine.
+//! there. `W_e` = 1/A and directions are drawn by the cosine, or most of them toward a disk.
 
 use super::{CameraSample, Resolution, SensorConnection};
 use crate::geometry::{
@@ -13,12 +13,50 @@ use crate::math::{frame::Frame, sampling};
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
 
+/// Share of the directions that are drawn toward the disk of an [`Aim`].
+const AIMED: f64 = 0.9;
+
+/// A disk at rest that most light comes through, such as the exit pupil of the lens before a film.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aim {
+    /// Center.
+    pub center: DVec3,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// Radius in metres, > 0.
+    pub radius_m: f64,
+}
+
+impl Aim {
+    /// Direction from `p` to a point of the disk, uniform by area.
+    fn draw(&self, p: DVec3, u: DVec2) -> DVec3 {
+        let flat = self.radius_m * sampling::disk(u.into());
+        let on_disk = Frame::from_z(self.normal).to_outer(flat.extend(0.0));
+        (self.center + on_disk - p).normalize()
+    }
+
+    /// Density of that per solid angle.
+    fn density(&self, p: DVec3, direction: DVec3) -> f64 {
+        let cos = direction.dot(self.normal);
+        let distance = (self.center - p).dot(self.normal) / cos;
+        let off = p + direction * distance - self.center;
+        let square = self.radius_m * self.radius_m;
+        if distance > 0.0 && off.length_squared() <= square {
+            distance * distance / (PI * square * cos.abs())
+        } else {
+            0.0
+        }
+    }
+}
+
 /// A rectangular detector.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Detector {
     /// Whether light goes on unchanged after it is measured. Otherwise the detector absorbs it, on
     /// both sides.
     pub transparent: bool,
+    /// Where most camera sub-paths go.
+    pub aim: Option<Aim>,
     /// Surface in the scene, set when the scene is built.
     pub instance: Option<InstanceId>,
 }
@@ -74,15 +112,46 @@ impl Detector {
         u_lens: DVec2,
     ) -> CameraSample {
         let rectangle = Rectangle::new(placement);
-        let local = sampling::cosine_hemisphere(u_lens.into());
-        let direction = Frame::from_z(rectangle.n).to_outer(local).normalize();
-        let pdf_direction = sampling::cosine_hemisphere_pdf(rectangle.n.dot(direction));
+        let xk = self.end_point(&rectangle, resolution.raster_to_unit(raster));
+        let (direction, weight) = self.draw_direction(&rectangle, xk.p, u_lens);
+        let pdf_direction = self.direction_density(&rectangle, xk.p, direction);
         CameraSample {
-            xk: self.end_point(&rectangle, resolution.raster_to_unit(raster)),
+            xk,
             direction,
             pdf_xk: 1.0 / rectangle.area,
             pdf_direction: DirectionalDensity::SolidAngle(pdf_direction),
-            weight: PI,
+            weight,
+        }
+    }
+
+    /// A direction and its weight `W_e cosθ / pdf`.
+    fn draw_direction(&self, rectangle: &Rectangle, p: DVec3, u: DVec2) -> (DVec3, f64) {
+        let by_cosine = |u: DVec2| {
+            let local = sampling::cosine_hemisphere(u.into());
+            Frame::from_z(rectangle.n).to_outer(local).normalize()
+        };
+        let Some(aim) = &self.aim else {
+            return (by_cosine(u), PI);
+        };
+        let direction = if u.x < AIMED {
+            aim.draw(p, DVec2::new(u.x / AIMED, u.y))
+        } else {
+            by_cosine(DVec2::new((u.x - AIMED) / (1.0 - AIMED), u.y))
+        };
+        let cos = rectangle.n.dot(direction);
+        let density = self.direction_density(rectangle, p, direction);
+        // parts of the disk may be behind the detector
+        let weight = if cos > 0.0 { cos / density } else { 0.0 };
+        (direction, weight)
+    }
+
+    fn direction_density(&self, rectangle: &Rectangle, p: DVec3, direction: DVec3) -> f64 {
+        let by_cosine = sampling::cosine_hemisphere_pdf(rectangle.n.dot(direction));
+        match &self.aim {
+            Some(aim) if by_cosine > 0.0 => {
+                AIMED * aim.density(p, direction) + (1.0 - AIMED) * by_cosine
+            }
+            _ => by_cosine,
         }
     }
 
@@ -109,9 +178,14 @@ impl Detector {
         })
     }
 
-    pub(super) fn density(placement: &Placement, direction: DVec3) -> (f64, DirectionalDensity) {
+    pub(super) fn density(
+        &self,
+        placement: &Placement,
+        p: DVec3,
+        direction: DVec3,
+    ) -> (f64, DirectionalDensity) {
         let rectangle = Rectangle::new(placement);
-        let pdf = sampling::cosine_hemisphere_pdf(rectangle.n.dot(direction));
+        let pdf = self.direction_density(&rectangle, p, direction);
         (1.0 / rectangle.area, DirectionalDensity::SolidAngle(pdf))
     }
 

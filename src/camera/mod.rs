@@ -15,7 +15,7 @@ pub mod perspective;
 use crate::geometry::{
     DirectionalDensity, EndPoint, Link, Moment, Shutter, SurfacePoint, Transform,
 };
-use detector::Detector;
+use detector::{Aim, Detector};
 use glam::{DAffine3, DVec2, DVec3};
 use orthographic::Orthographic;
 use perspective::{Perspective, ThinLens};
@@ -188,9 +188,20 @@ impl Camera {
             resolution,
             kind: CameraKind::Detector(Detector {
                 transparent,
+                aim: None,
                 instance: None,
             }),
         }
+    }
+
+    /// The same detector with most of its camera sub-paths toward a disk at rest; any other camera
+    /// as it is.
+    #[must_use]
+    pub fn aimed(mut self, aim: Aim) -> Self {
+        if let CameraKind::Detector(detector) = &mut self.kind {
+            detector.aim = Some(aim);
+        }
+        self
     }
 
     /// Whether the film has a finite extent.
@@ -291,15 +302,16 @@ impl Camera {
         }
     }
 
-    /// Density of a point of this sensor and of leaving it in unit `direction` (into the scene).
+    /// Density of the point `p` of this sensor and of leaving it in unit `direction` (into the
+    /// scene).
     /// The density of the direction is 0 behind the sensor; it continues outside the film.
     #[must_use]
-    pub fn density(&self, direction: DVec3, moment: Moment) -> (f64, DirectionalDensity) {
+    pub fn density(&self, p: DVec3, direction: DVec3, moment: Moment) -> (f64, DirectionalDensity) {
         let place = &*self.transform.at(moment);
         match &self.kind {
             CameraKind::Perspective(camera) => camera.density(place, direction),
             CameraKind::Orthographic(camera) => camera.density(),
-            CameraKind::Detector(_) => Detector::density(place, direction),
+            CameraKind::Detector(camera) => camera.density(place, p, direction),
         }
     }
 

@@ -64,7 +64,7 @@ fn density_is_that_of_the_sample() {
         for (raster, u) in positions() {
             let s = camera.sample_ray(raster, u, 0.0.into());
             assert!((s.direction.length() - 1.0).abs() < 1e-14);
-            let (pdf_xk, pdf_direction) = camera.density(s.direction, 0.0.into());
+            let (pdf_xk, pdf_direction) = camera.density(s.xk.p, s.direction, 0.0.into());
             assert_eq!(pdf_xk, s.pdf_xk);
             assert_eq!(
                 std::mem::discriminant(&pdf_direction),
@@ -158,7 +158,7 @@ fn directions_of_the_film_integrate_to_one() {
                     ray(x, y + 1.0),
                 ];
                 let [a, b, c, d] = corners;
-                let (_, pdf) = camera.density(ray(x + 0.5, y + 0.5), 0.0.into());
+                let (_, pdf) = camera.density(DVec3::ZERO, ray(x + 0.5, y + 0.5), 0.0.into());
                 total += value(pdf) * (solid_angle(a, b, c) + solid_angle(a, c, d));
             }
         }
@@ -273,7 +273,7 @@ fn detector_connects_and_is_hit_alike() {
                 .arrive(&SurfacePoint { id, ..point }, -c.toward, 0.0.into())
                 .is_none()
         );
-        let (_, pdf) = camera.density(c.toward, 0.0.into());
+        let (_, pdf) = camera.density(c.xk.p, c.toward, 0.0.into());
         assert_eq!(value(pdf), 0.0);
     }
     let behind = pose().transform_point3(DVec3::new(0.0, 0.0, -1.0));

@@ -25,6 +25,7 @@ mod new;
 mod progress;
 mod render;
 mod save;
+mod spot;
 mod stats;
 mod summary;
 mod terminal;
@@ -77,6 +78,7 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Info(options) => info::run(&options),
         Command::Cost(options) => cost::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Spot(options) => spot::run(&options),
         Command::Develop(options) => develop::run(&options),
         Command::Glass(options) => glass::run(&options),
         Command::Keys(options) => keys::run(&options),

@@ -22,7 +22,8 @@ use crate::render::guides::Guide;
 use crate::render::memory::{film_bytes, saving_bytes};
 use crate::render::session::NO_LIMIT;
 use crate::render::{
-    OutputRequest, PhotonMemory, Render, Session, SessionOptions, StopReason, StopRules,
+    OutputRequest, PathExpression, PhotonMemory, Render, Session, SessionOptions, StopReason,
+    StopRules,
 };
 use crate::report::statistics::SensorStats;
 use crate::spectrum::SpectralChannels;
@@ -55,10 +56,18 @@ struct Job<'a> {
     printed: RefCell<Result<(), CliError>>,
 }
 
+/// A sensor that is rendered, and where its files go.
+struct Film<'a> {
+    sensor: usize,
+    crop: Crop,
+    targets: &'a Targets,
+}
+
 /// A session before its first pass.
 struct Begun {
     session: Session,
-    guides: Vec<Guide>,
+    /// Of its sensor and each companion.
+    guides: Vec<Vec<Guide>>,
     photons: Option<PhotonMemory>,
 }
 
@@ -83,7 +92,8 @@ pub fn run(options: &RenderOptions) -> Result<Outcome, CliError> {
         .map(|&s| crop(options, &loaded, s))
         .collect::<Result<Vec<_>, _>>()?;
     let class_table = options.stats.is_some();
-    let request = layers::request(&loaded, &options.aov, options.spectral, class_table);
+    let request = layers::request(&loaded, &options.aov, options.spectral, class_table)
+        .map_err(CliError::Usage)?;
     let _part = save::take_part(options)?;
     let need = need(options, &loaded, &request, &crops);
     need.check(options.max_memory)?;
@@ -212,14 +222,19 @@ fn crop(options: &RenderOptions, loaded: &Loaded, sensor: usize) -> Result<Crop,
 }
 
 fn need(options: &RenderOptions, loaded: &Loaded, request: &OutputRequest, crops: &[Crop]) -> Need {
-    // sensors are rendered one after the other
+    // sensors are rendered one after the other, or together, and saved one after the other
     let pixels = crops.iter().map(Crop::pixels).max().unwrap_or(0);
+    let at_once = if options.together {
+        crops.iter().map(Crop::pixels).fold(0, u64::saturating_add)
+    } else {
+        pixels
+    };
     let spectral = request.spectral.as_ref();
     let spectral = spectral.map_or(0, SpectralChannels::count) as u64;
     Need {
         loaded: memory::loaded_bytes(&loaded.scene),
         // those of the pass in flight, too
-        films: film_bytes(pixels, request).saturating_mul(2),
+        films: film_bytes(at_once, request).saturating_mul(2),
         // at most three channels a layer
         saving: saving_bytes(
             pixels,
@@ -252,10 +267,23 @@ impl Job<'_> {
         targets: &[Targets],
     ) -> Result<(Outcome, Vec<SensorStats>), CliError> {
         let mut all = Vec::new();
-        for ((&sensor, &crop), targets) in sensors.iter().zip(crops).zip(targets) {
-            let stats = self.render_sensor(sensor, crop, targets)?;
+        let each = sensors.iter().zip(crops).zip(targets);
+        let mut each: Vec<Film> = each
+            .map(|((&sensor, &crop), targets)| Film {
+                sensor,
+                crop,
+                targets,
+            })
+            .collect();
+        // the first leads, the others follow in their order
+        each.sort_by_key(|film| {
+            std::cmp::Reverse(film.crop.pixels() * u64::from(self.options.together))
+        });
+        let at_once = if self.options.together { each.len() } else { 1 };
+        for films in each.chunks(at_once) {
+            let stats = self.render_films(films)?;
             let is_whole = |s: &SensorStats| s.stop != StopReason::Interrupted;
-            let goes_on = stats.as_ref().is_some_and(is_whole);
+            let goes_on = !stats.is_empty() && stats.iter().all(is_whole);
             all.extend(stats);
             if !goes_on {
                 return Ok((Outcome::Interrupted, all));
@@ -264,26 +292,27 @@ impl Job<'_> {
         Ok((Outcome::Done, all))
     }
 
-    /// Renders a sensor. `None` where an interrupt comes before its first pass.
-    fn render_sensor(
-        &self,
-        sensor: usize,
-        crop: Crop,
-        targets: &Targets,
-    ) -> Result<Option<SensorStats>, CliError> {
+    /// Renders a sensor, and its companions with it. No statistics where an interrupt comes before
+    /// the first pass.
+    fn render_films(&self, films: &[Film]) -> Result<Vec<SensorStats>, CliError> {
         let Self {
             options, loaded, ..
         } = self;
         let cpu_start = cpu_seconds();
-        let name = &loaded.scene.sensors[sensor].name;
-        let viewer = options.tev.as_ref().map(|at| Viewer::connect(at, name));
-        let mut viewer = viewer.transpose()?;
+        let name_of = |film: &Film| &loaded.scene.sensors[film.sensor].name;
+        let names: Vec<&str> = films.iter().map(|film| name_of(film).as_str()).collect();
+        let name = names.join(", ");
+        let viewer = |name: &&str| {
+            let at = options.tev.as_ref()?;
+            Some(Viewer::connect(at, name))
+        };
+        let mut viewers: Vec<Viewer> = names.iter().filter_map(viewer).collect::<Result<_, _>>()?;
         let waiting = Waiting::new(format!("{name}: preparing"), options.quiet);
-        let begun = self.begin(sensor, crop);
+        let begun = self.begin(films);
         drop(waiting);
         let Some(begun) = begun else {
             tell("interrupted before the first pass: there is nothing to save");
-            return Ok(None);
+            return Ok(Vec::new());
         };
         let Begun {
             mut session,
@@ -297,15 +326,16 @@ impl Job<'_> {
             return Err(CliError::Failed("there is no pass to render".to_owned()));
         }
         self.tell_choices(&session, photons.as_ref())?;
-        let progress = Arc::new(Progress::new(name, &session, self.rules, options.quiet));
+        let progress = Arc::new(Progress::new(&name, &session, self.rules, options.quiet));
         let bar = Arc::clone(&progress);
         session.observe(move |tiles| bar.tile(tiles));
         #[cfg(feature = "view")]
         if let Some(page) = &self.page {
             page.show(loaded, &session);
         }
-        let passes_to_see = (SAMPLES_TO_SEE / crop.pixels()).clamp(1, PASSES_TO_SEE);
-        let mut saver = Saver::new(options, targets, &guides, &self.interrupts);
+        let passes_to_see = (SAMPLES_TO_SEE / films[0].crop.pixels()).clamp(1, PASSES_TO_SEE);
+        let targets: Vec<&Targets> = films.iter().map(|film| film.targets).collect();
+        let mut saver = Saver::new(options, &targets, &guides, &self.interrupts);
         let stop = loop {
             let state = self.pool.install(|| session.step());
             if state.pass.is_some() {
@@ -315,11 +345,14 @@ impl Job<'_> {
             if let Some(page) = &self.page {
                 page.follow(&session, &state);
             }
-            if let Some(viewer) = &mut viewer {
-                viewer.show(&session.render(), state.stop.is_some());
+            for (viewer, render) in viewers.iter_mut().zip(session.render().and_companions()) {
+                viewer.show(render, state.stop.is_some());
             }
             if state.pass.is_some() && state.passes == passes_to_see {
-                self.warn_of_black(&session.render());
+                session
+                    .render()
+                    .and_companions()
+                    .for_each(|render| self.warn_of_black(render));
             }
             if state.save_is_due {
                 let could = saver.save(&mut session);
@@ -330,7 +363,7 @@ impl Job<'_> {
             }
         };
         progress.clear();
-        let preview = saver.finish(&session)?;
+        let previews = saver.finish(&session)?;
         let render = session.render();
         if render.passes().is_empty() {
             tell(if options.part.is_some() {
@@ -339,24 +372,34 @@ impl Job<'_> {
                 "no pass is whole: there is no image (with --part FILE what is done would be kept)"
             });
         } else if (render.passes().len() as u64) < passes_to_see {
-            self.warn_of_black(&render);
+            render
+                .and_companions()
+                .for_each(|render| self.warn_of_black(render));
         }
-        let mut stats = SensorStats::new(name, &render, stop, session.elapsed(), cpu_start);
-        stats.forecast = session.forecast(options.target_error);
-        if !render.passes().is_empty() {
-            let (image, preview) = (&targets.image, preview.as_deref());
-            self.say(|| summary::sensor(image, preview, &stats, &loaded.scene));
-        }
-        Ok(Some(stats))
+        let each = render.and_companions().zip(films).zip(previews);
+        let of = |((render, film), preview): ((&Render, &Film), Option<String>)| {
+            let mut stats =
+                SensorStats::new(name_of(film), render, stop, session.elapsed(), cpu_start);
+            if film.sensor == films[0].sensor {
+                stats.forecast = session.forecast(options.target_error);
+            }
+            if !render.passes().is_empty() {
+                let (image, preview) = (&film.targets.image, preview.as_deref());
+                self.say(|| summary::sensor(image, preview, &stats, &loaded.scene));
+            }
+            stats
+        };
+        Ok(each.map(of).collect())
     }
 
-    /// A session of a sensor, with the passes of the part to go on with and the first hits that
-    /// layers ask for. `None` where an interrupt comes before it is ready.
-    fn begin(&self, sensor: usize, crop: Crop) -> Option<Result<Begun, CliError>> {
+    /// A session of a sensor and its companions, with the passes of the part to go on with and the
+    /// first hits that layers ask for. `None` where an interrupt comes before it is ready.
+    fn begin(&self, films: &[Film]) -> Option<Result<Begun, CliError>> {
         let options = self.options;
         let session_options = SessionOptions {
-            sensor,
-            crop: Some(crop),
+            sensor: films[0].sensor,
+            companions: films[1..].iter().map(|film| film.sensor).collect(),
+            crop: Some(films[0].crop),
             outputs: self.request.clone(),
             passes: Some(self.passes.clone()),
             stop: self.rules,
@@ -380,7 +423,11 @@ impl Job<'_> {
             if let Some(part) = resumed {
                 part.restore(&mut session)?;
             }
-            let guides = layers::guides_for(&layers, &session.render());
+            let guides = session
+                .render()
+                .and_companions()
+                .map(|render| layers::guides_for(&layers, render))
+                .collect();
             let photons = session.render().photon_memory();
             Ok(Begun {
                 session,
@@ -401,6 +448,14 @@ impl Job<'_> {
         if options.aov.iter().any(|a| matches!(a, Layer::Bias)) && !tells_bias {
             return Err(CliError::Usage(
                 "the layer bias needs regularization and --set render.bias_estimate=true"
+                    .to_owned(),
+            ));
+        }
+        let knows_class = render.radius().is_none();
+        let needs = |(expression, _): &(PathExpression, _)| expression.needs_events();
+        if !knows_class && render.outputs().classes.iter().any(needs) {
+            return Err(CliError::Usage(
+                "layers of paths by reflections and surfaces need an integrator without photons"
                     .to_owned(),
             ));
         }

@@ -65,11 +65,13 @@ pub fn first_interval(options: &RenderOptions) -> Duration {
     }
 }
 
-/// Saves the files of one sensor.
+/// Saves the files of a session: of its sensor and the companions.
 pub struct Saver<'a> {
     pub options: &'a RenderOptions,
-    pub targets: &'a Targets,
-    pub guides: &'a [Guide],
+    /// Of each sensor.
+    pub targets: &'a [&'a Targets],
+    /// Of each sensor.
+    pub guides: &'a [Vec<Guide>],
     pub interrupts: &'a Interrupts,
     /// Whether the last save failed, which has been told.
     failing: bool,
@@ -78,8 +80,8 @@ pub struct Saver<'a> {
 impl<'a> Saver<'a> {
     pub fn new(
         options: &'a RenderOptions,
-        targets: &'a Targets,
-        guides: &'a [Guide],
+        targets: &'a [&'a Targets],
+        guides: &'a [Vec<Guide>],
         interrupts: &'a Interrupts,
     ) -> Self {
         Self {
@@ -118,11 +120,11 @@ impl<'a> Saver<'a> {
     }
 
     /// Saves what the render has come to, and waits where that fails, for a while or until another
-    /// interrupt. Says of the preview what a user should know.
+    /// interrupt. Says of each sensor's preview what a user should know.
     ///
     /// # Errors
     /// Where it could not be saved.
-    pub fn finish(&mut self, session: &Session) -> Result<Option<String>, CliError> {
+    pub fn finish(&mut self, session: &Session) -> Result<Vec<Option<String>>, CliError> {
         let (began, interrupts) = (Instant::now(), self.interrupts.count());
         loop {
             let error = match self.write(session) {
@@ -146,27 +148,36 @@ impl<'a> Saver<'a> {
         }
     }
 
-    fn write(&self, session: &Session) -> Result<Option<String>, CliError> {
+    fn write(&self, session: &Session) -> Result<Vec<Option<String>>, CliError> {
         let part = self.options.part.as_deref();
         let written = part.map(|path: &Path| part::write(path, &part::of(session)));
         let render = session.render();
         // of no pass there is no image
         let image = if render.passes().is_empty() {
-            Ok(None)
+            Ok(vec![None; self.targets.len()])
         } else {
-            self.write_images(&render)
+            let files = self.targets.iter().zip(self.guides);
+            let renders = render.and_companions().zip(files);
+            renders
+                .map(|(r, (to, guides))| self.write_images(r, to, guides))
+                .collect()
         };
         // an image that fails does not keep the part from being written, nor the other way round
         written.transpose()?;
         image
     }
 
-    fn write_images(&self, render: &Render) -> Result<Option<String>, CliError> {
+    fn write_images(
+        &self,
+        render: &Render,
+        targets: &Targets,
+        guides: &[Guide],
+    ) -> Result<Option<String>, CliError> {
         let mut image = image::of(render);
-        layers::add(&mut image, &self.options.aov, render, self.guides);
-        let (preview, exposure) = (self.targets.preview.as_deref(), self.options.exposure);
-        let preview = write_image(&self.targets.image, &image, preview, exposure)?;
-        if let (Some(path), Some(image)) = (&self.targets.spectral, image::spectral_of(render)) {
+        layers::add(&mut image, &self.options.aov, render, guides);
+        let (preview, exposure) = (targets.preview.as_deref(), self.options.exposure);
+        let preview = write_image(&targets.image, &image, preview, exposure)?;
+        if let (Some(path), Some(image)) = (&targets.spectral, image::spectral_of(render)) {
             write_image(path, &image, None, None)?;
         }
         Ok(preview)

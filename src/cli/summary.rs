@@ -4,7 +4,7 @@ use super::memory::Need;
 use super::usage::bytes_text;
 use crate::medium::Boundary;
 use crate::render::forecast::Forecast;
-use crate::render::{Flux, PhotonMemory, RadiusChoice, Render, Total};
+use crate::render::{Flux, PhotonMemory, RadiusChoice, Render};
 use crate::report::readable::{counted, duration, percent};
 use crate::report::statistics::{FEW_HITS, SensorStats};
 use crate::scene::Scene;
@@ -184,16 +184,15 @@ pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats, scene: &
 
 /// Flux through a detector.
 fn flux(flux: &Flux) -> String {
-    let total = |Total { value, error }: &Total| match error {
-        Some(error) => format!("{value:.6e} ± {error:.1e}"),
-        None => format!("{value:.6e}"),
-    };
-    let mut text = format!("  flux      {} lm\n", total(&flux.luminous_lm));
+    let mut text = format!("  flux      {} lm\n", flux.luminous_lm);
     if let Some(watts) = &flux.continuum_w {
-        _ = writeln!(text, "            {} W besides lines", total(watts));
+        _ = writeln!(text, "            {} W besides lines", watts);
     }
     for (nm, watts) in &flux.lines_w {
-        _ = writeln!(text, "            {} W at {nm} nm", total(watts));
+        _ = writeln!(text, "            {watts} W at {nm} nm");
+    }
+    for (class, lumens) in &flux.classes_lm {
+        _ = writeln!(text, "            {lumens} lm of {class}");
     }
     text
 }

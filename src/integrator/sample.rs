@@ -4,7 +4,7 @@
 //! Integrators differ only in which strategies they execute ([`StrategySet::samples`]) and so in
 //! which sub-paths they need; the walk, the connections and the weights are the same code.
 
-use super::{aims, strategies};
+use super::{Companion, aims, strategies};
 use crate::bsdf::Side;
 use crate::film::Crop;
 use crate::geometry::{Placements, Ray};
@@ -17,7 +17,7 @@ use crate::transport::aim::tries::Origin;
 use crate::transport::connect::{AimTally, Joiner, Photons, Receiver, Scratch};
 use crate::transport::context::SharedSample;
 use crate::transport::strategies::Merge;
-use crate::transport::subpath::Vertex;
+use crate::transport::subpath::{Event, Vertex};
 use crate::transport::walk::{Start, walk};
 use crate::transport::{
     Contribution, Counters, MediaLanes, PassSettings, PathContext, PhotonMap, StrategySet, Subpath,
@@ -56,6 +56,8 @@ pub struct SensorJob<'a> {
     pub detailed: bool,
     /// Light sub-paths that are traced.
     pub light_walks: LightWalks,
+    /// Detectors that the light sub-paths of this job fill as well.
+    pub companions: Vec<Companion<'a>>,
     /// Light sub-paths of a pass, by the wavelength of its set that is their hero.
     paths_by_hero: Vec<u64>,
 }
@@ -94,6 +96,7 @@ impl<'a> SensorJob<'a> {
             with_raw,
             detailed: with_raw,
             light_walks: LightWalks::AsOften,
+            companions: Vec::new(),
             paths_by_hero: paths_by_hero(crop, heroes),
         }
     }
@@ -175,6 +178,8 @@ pub struct Workspace {
     retraced: Subpath,
     /// Contributions of the last sample.
     pub contributions: Vec<Contribution>,
+    /// Those of the companions of the job, in their order.
+    pub companions: Vec<Vec<Contribution>>,
     /// Counts of this thread.
     pub counters: Counters,
 }
@@ -191,6 +196,12 @@ impl Workspace {
     #[must_use]
     pub fn aims(&self) -> &[AimTally] {
         &self.scratch.tally
+    }
+
+    /// Vertices of the paths of the last sample, see [`Contribution::events`].
+    #[must_use]
+    pub fn events(&self) -> &[Event] {
+        &self.scratch.events
     }
 
     /// The last sample's camera sub-path.
@@ -282,9 +293,13 @@ pub fn sample_and_merge(
         scratch,
         retraced,
         contributions,
+        companions,
         counters,
     } = workspace;
     contributions.clear();
+    scratch.events.clear();
+    companions.resize_with(job.companions.len(), Vec::new);
+    companions.iter_mut().for_each(Vec::clear);
     counters.paths += 1;
     let (sampler, context) = begin(job, pass, (x, y), response, placements, media);
     let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.set(Draw::Film);
@@ -295,7 +310,8 @@ pub fn sample_and_merge(
     let start = sensor
         .camera
         .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.moment());
-    let weight = start.weight * context.scene.exposure(&start.xk);
+    let exposure = context.scene.exposure(&start.xk);
+    let weight = start.weight * exposure;
     camera.restart(start.xk, &sensor.stack, None, start.pdf_xk);
     let strategies = job.strategies_of(pass, (x, y));
     if strategies.wants_camera_walk() {
@@ -337,7 +353,8 @@ pub fn sample_and_merge(
         out: contributions,
         scratch,
     };
-    joiner.direct_to_detector(camera, weight);
+    // of a detector, W_e is the density of its points
+    joiner.direct_to_detector(camera, exposure);
     let mut hits = camera.light_hits.iter().peekable();
     for j in 0..camera.vertices.len() {
         if let Some(hit) = hits.next_if(|hit| hit.vertex == j) {
@@ -365,11 +382,14 @@ pub fn sample_and_merge(
             joiner.to_sensor(light, i, margin);
             joiner.aim_at_sensor(light, i, margin);
         }
-        for hit in &light.sensor_hits {
+        for hit in light.hits_of(job.sensor) {
             joiner.hit_sensor(light, hit);
         }
         if strategies.pairs > 0.0 {
             joiner.pairs(light, camera);
+        }
+        for (companion, out) in job.companions.iter().zip(&mut *companions) {
+            companion.join(&mut joiner, light, (x, y), out);
         }
     }
     joiner.sampler = sampler;

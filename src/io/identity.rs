@@ -161,7 +161,7 @@ pub fn pixel_pitch(scene: &Scene, sensor: usize) -> Option<[f64; 2]> {
     ])
 }
 
-/// Width and height of pixels in meters as [`PIXEL_PITCH`] tells them.
+/// Reads the width and height of pixels in meters from the text of [`PIXEL_PITCH`].
 #[must_use]
 pub fn pitch_of_text(text: &str) -> Option<[f64; 2]> {
     let (x, y) = text.strip_suffix(" m")?.split_once(" x ")?;

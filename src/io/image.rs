@@ -11,7 +11,8 @@ use super::identity;
 use super::part::{self, Part, PartError, PartHeader};
 use crate::develop::Development;
 use crate::film::{AddSumsError, Film, Filter};
-use crate::render::Render;
+use crate::render::{Render, Total};
+use crate::spectrum::SensorResponse;
 use std::path::{Path, PathBuf};
 
 /// The XYZ image of a render.
@@ -83,13 +84,45 @@ pub fn development(image: &ExrImage) -> Development {
 }
 
 fn xyz_image(film: &Film, header: &PartHeader) -> ExrImage {
+    let mut metadata = metadata(header);
+    metadata.entries.extend(flux(film, header));
     ExrImage {
         width: header.width,
         height: header.height,
         crop: header.crop(),
         channels: xyz_channels(&film.image(header.pass_count())),
-        metadata: metadata(header),
+        metadata,
     }
+}
+
+/// Attribute with the luminous flux through the film of a detector.
+fn flux(film: &Film, header: &PartHeader) -> Option<(String, MetadataValue)> {
+    let [width, height] = identity::pitch_of_text(header.image.get(identity::PIXEL_PITCH)?)?;
+    let is_photometric = header.image.get("unit")?.starts_with("photometric");
+    let response = if is_photometric {
+        SensorResponse::Photometric
+    } else {
+        SensorResponse::Xyz
+    };
+    let scale = width * height * response.photometric_unit();
+    let even = |end: u64| end.div_ceil(2);
+    let passes = header.passes.iter();
+    let even: u64 = passes.map(|p| even(p.end) - even(p.start)).sum();
+    let total = Total::of(film, 1, scale, [even, header.pass_count() - even]);
+    Some(flux_entry("", &total, "lm"))
+}
+
+/// Attribute with a flux, of all light (`of` empty) or of what it is named after.
+pub(super) fn flux_entry(of: &str, total: &Total, unit: &str) -> (String, MetadataValue) {
+    let name = match of {
+        "" => "flux".to_owned(),
+        of => format!("flux:{of}"),
+    };
+    let error = total.error.map_or_else(String::new, |error| {
+        format!(", standard error {error:.3e} {unit}")
+    });
+    let text = format!("{:e} {unit}{error}", total.value);
+    (name, MetadataValue::Text(text))
 }
 
 /// Attributes of an image.
@@ -155,6 +188,14 @@ pub fn spectral_of(render: &Render) -> Option<ExrImage> {
     for (name, value) in [("spectralLayoutVersion", "1.0"), ("emissiveUnits", units)] {
         let value = MetadataValue::Text(value.to_owned());
         metadata.entries.push((name.to_owned(), value));
+    }
+    if let Some(flux) = render.flux() {
+        let lines = flux.lines_w.iter();
+        let lines = lines.map(|(nm, watts)| flux_entry(&format!("{nm}nm"), watts, "W"));
+        metadata.entries.extend(lines);
+        let rest = flux.continuum_w.iter();
+        let rest = rest.map(|watts| flux_entry("continuum", watts, "W"));
+        metadata.entries.extend(rest);
     }
     // the one unit that the response has, whatever that of the XYZ image
     metadata.entries.retain(|(name, _)| name != "unit");

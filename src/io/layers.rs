@@ -1,13 +1,14 @@
 //! Extra layers of an XYZ image: errors, strategies, classes of paths, first hits.
 
 use super::exr::{Channel, ExrImage, MetadataValue, xyz_channels};
+use super::image::flux_entry;
 use super::loaded::Loaded;
 use crate::film::Film;
 use crate::render::bias::bias_image;
+use crate::render::expression::{DIRECT, GHOSTS, PathExpression};
 use crate::render::guides::{Guide, guides};
 use crate::render::{OutputRequest, Render};
 use crate::spectrum::SpectralChannels;
-use regex::Regex;
 use std::str::FromStr;
 use std::sync::PoisonError;
 
@@ -30,8 +31,8 @@ pub enum Layer {
     Unbiased,
     /// Difference of the halves of a render with `bias_estimate`, as a bias.
     Bias,
-    /// Paths of one class.
-    Class(Regex),
+    /// Paths that an expression over classes chooses ([`PathExpression`]).
+    Class(String),
 }
 
 impl FromStr for Layer {
@@ -47,18 +48,13 @@ impl FromStr for Layer {
             "regularized" => Self::Regularized,
             "unbiased" => Self::Unbiased,
             "bias" => Self::Bias,
+            DIRECT | GHOSTS => Self::Class(text.to_owned()),
             _ => {
                 let expression = text
                     .strip_prefix("class:")
-                    .ok_or("expected error, strategies, regularized, unbiased, bias, depth, normal, albedo or class:REGEX")?;
-                let wrong = |e: regex::Error| {
-                    e.to_string()
-                        .lines()
-                        .last()
-                        .unwrap_or("not a regular expression")
-                        .to_owned()
-                };
-                Self::Class(Regex::new(expression).map_err(wrong)?)
+                    .ok_or("expected error, strategies, regularized, unbiased, bias, depth, normal, albedo, direct, ghosts or class:REGEX")?;
+                PathExpression::check(expression)?;
+                Self::Class(expression.to_owned())
             }
         })
     }
@@ -113,31 +109,36 @@ impl Layer {
 
 /// Outputs that a render must keep for these layers, for a spectral image of `bins`, and for the
 /// table of classes in its statistics.
-#[must_use]
+///
+/// # Errors
+/// An expression over classes names what the scene does not have.
 pub fn request(
     loaded: &Loaded,
     layers: &[Layer],
     bins: Option<u16>,
     class_table: bool,
-) -> OutputRequest {
+) -> Result<OutputRequest, String> {
     let spectral = bins.map(|bins| {
         let lines = loaded.scene.wavelengths.atoms().map(|(nm, _)| nm).collect();
         let range_nm = loaded.scene.wavelength_settings.range_nm;
         SpectralChannels::new(range_nm, usize::from(bins), lines)
     });
     let class = |layer: &Layer| match layer {
-        Layer::Class(regex) => Some(regex.clone()),
+        Layer::Class(source) => {
+            let compiled = PathExpression::new(source, &loaded.scene);
+            Some(compiled.map_err(|e| format!("layer class:{source}: {e}")))
+        }
         _ => None,
     };
     let is_share = |l: &Layer| matches!(l, Layer::Unbiased | Layer::Regularized);
-    OutputRequest {
+    Ok(OutputRequest {
         response: loaded.response(),
         spectral,
         strategies: layers.iter().any(|l| matches!(l, Layer::Strategies)),
-        classes: layers.iter().filter_map(class).collect(),
+        classes: layers.iter().filter_map(class).collect::<Result<_, _>>()?,
         shares: layers.iter().any(is_share),
         class_table,
-    }
+    })
 }
 
 /// Adds the extra layers asked for to an XYZ image.
@@ -145,6 +146,7 @@ pub fn add(image: &mut ExrImage, layers: &[Layer], render: &Render, guides: &[Gu
     let passes = render.passes().len() as u64;
     let mut classes = render.outputs().classes.iter();
     let mut class_count = 0;
+    let flux = render.flux();
     for layer in layers {
         let (name, meaning) = layer.meaning();
         let attribute = format!("layer:{name}");
@@ -209,16 +211,17 @@ pub fn add(image: &mut ExrImage, layers: &[Layer], render: &Render, guides: &[Gu
                 }
             }
             Layer::Class(_) => {
-                let Some((regex, film)) = classes.next() else {
+                let Some((expression, film)) = classes.next() else {
                     continue;
                 };
                 let name = format!("class{class_count}");
-                class_count += 1;
                 channels.extend(layer_channels(&name, film, passes));
-                image
-                    .metadata
-                    .entries
-                    .push((name, MetadataValue::Text(regex.to_string())));
+                let total = flux.as_ref().and_then(|f| f.classes_lm.get(class_count));
+                let total = total.map(|(_, total)| flux_entry(&name, total, "lm"));
+                class_count += 1;
+                let entries = &mut image.metadata.entries;
+                entries.extend(total);
+                entries.push((name, MetadataValue::Text(expression.source().to_owned())));
             }
         }
     }

@@ -1,6 +1,7 @@
-//! A collimated beam: parallel light through a round aperture.
+//! A collimated beam: parallel light through a round aperture, uniform or Gaussian across it.
 //!
-//! The aperture plane is where the light starts; nothing behind it is lit.
+//! The aperture plane is where the light starts; nothing behind it is lit. Points are drawn in
+//! proportion to the irradiance, so that every path has the same weight.
 
 use super::{DirectSample, EmissionSample, factor, placed_axis};
 use crate::geometry::{DirectionalDensity, EndPoint, Placement};
@@ -14,28 +15,67 @@ use std::f64::consts::PI;
 pub struct BeamLight {
     /// Radius of the aperture in metres, > 0.
     pub radius_m: f64,
+    /// Distance from the axis in metres, > 0, at which the irradiance has fallen to 1/e² of that on
+    /// the axis; `None`: it is the same everywhere.
+    pub waist_m: Option<f64>,
 }
 
 impl BeamLight {
-    /// Area of the aperture, m²: the flux per unit irradiance.
-    pub(super) fn area(&self) -> f64 {
-        PI * self.radius_m * self.radius_m
+    /// Flux per unit irradiance on the axis, m².
+    #[must_use]
+    pub fn flux_factor(&self) -> f64 {
+        let square = self.radius_m * self.radius_m;
+        match self.waist_m {
+            None => PI * square,
+            Some(waist) => 0.5 * PI * waist * waist * -(-2.0 * square / (waist * waist)).exp_m1(),
+        }
     }
 
-    pub(super) fn density(&self) -> DirectionalDensity {
-        DirectionalDensity::Perpendicular(1.0 / self.area())
+    /// Irradiance relative to the axis at a squared distance from it, within the aperture.
+    fn profile(&self, square: f64) -> f64 {
+        self.waist_m
+            .map_or(1.0, |waist| (-2.0 * square / (waist * waist)).exp())
+    }
+
+    /// Point of the aperture plane in its own space.
+    fn foot(place: &Placement, p: DVec3) -> DVec2 {
+        place.to_object.transform_point3(p).truncate()
+    }
+
+    /// Density across the beam at a point of its aperture.
+    pub(super) fn density(&self, place: &Placement, p: DVec3) -> DirectionalDensity {
+        let square = Self::foot(place, p).length_squared();
+        DirectionalDensity::Perpendicular(self.profile(square) / self.flux_factor())
+    }
+
+    /// Point of the aperture by two numbers in [0, 1).
+    fn draw(&self, u: DVec2) -> DVec2 {
+        let unit = sampling::disk(u.into());
+        let Some(waist) = self.waist_m else {
+            return self.radius_m * unit;
+        };
+        // the squared distance of a uniform point of the unit disk is uniform itself
+        let share = unit.length_squared();
+        if share == 0.0 {
+            return DVec2::ZERO;
+        }
+        let most = -2.0 * (self.radius_m / waist).powi(2);
+        let square = -0.5 * waist * waist * (share * most.exp_m1()).ln_1p();
+        // rounding must not lead beyond the aperture
+        unit * (square.min(self.radius_m * self.radius_m) / share).sqrt()
     }
 
     pub(super) fn sample_emission(&self, place: &Placement, u_pos: DVec2) -> EmissionSample {
-        let local = (self.radius_m * sampling::disk(u_pos.into())).extend(0.0);
-        let origin = place.to_world.transform_point3(local);
+        let local = self.draw(u_pos);
+        let origin = place.to_world.transform_point3(local.extend(0.0));
+        let density = self.profile(local.length_squared()) / self.flux_factor();
         EmissionSample {
             x0: EndPoint::at(origin),
             origin,
             direction: placed_axis(place),
             pdf_x0: 1.0,
-            pdf_direction: self.density(),
-            weight: factor(self.area()),
+            pdf_direction: DirectionalDensity::Perpendicular(density),
+            weight: factor(self.flux_factor()),
         }
     }
 
@@ -49,7 +89,7 @@ impl BeamLight {
             toward: -placed_axis(place),
             distance: local.z,
             pdf: 1.0,
-            value: factor(1.0),
+            value: factor(self.profile(foot.length_squared())),
         })
     }
 }
@@ -63,22 +103,30 @@ mod tests {
     fn emitted_rays_are_found_again_by_connection() {
         let position = DVec3::new(1.0, -2.0, 0.5);
         let direction = DVec3::new(0.2, 0.9, -0.4);
-        let (light, place) = (BeamLight { radius_m: 0.01 }, posed(position, direction));
-        for i in 0..100 {
+        let place = posed(position, direction);
+        for (i, waist_m) in (0..100).flat_map(|i| [(i, None), (i, Some(0.004))]) {
+            let light = BeamLight {
+                radius_m: 0.01,
+                waist_m,
+            };
             let u = DVec2::new(f64::from(i) / 100.0, f64::from(i) * 0.618 % 1.0);
             let s = light.sample_emission(&place, u);
-            assert!((s.origin - position).length() <= 0.01 + 1e-15);
+            assert!((s.origin - position).length() <= 0.01 + 2e-15);
             assert!((s.origin - position).dot(s.direction).abs() < 1e-15);
-            assert_eq!(
-                s.pdf_direction,
-                DirectionalDensity::Perpendicular(1.0 / light.area())
-            );
+            let DirectionalDensity::Perpendicular(pdf) = s.pdf_direction else {
+                panic!("{:?}", s.pdf_direction);
+            };
+            let DirectionalDensity::Perpendicular(again) = light.density(&place, s.x0.p) else {
+                panic!("of another measure");
+            };
+            assert!((again / pdf - 1.0).abs() < 1e-9, "{again} {pdf}");
+            let relative = pdf * f64::from(s.weight[0]);
             let direct = light
                 .sample_direct(&place, s.origin + 3.0 * s.direction)
                 .unwrap();
             assert!((direct.x0.p - s.origin).length() < 1e-14);
             assert!((direct.distance - 3.0).abs() < 1e-14);
-            assert_eq!(direct.value[0], 1.0);
+            assert!((f64::from(direct.value[0]) / relative - 1.0).abs() < 1e-5);
             assert_eq!(direct.x0.cos(s.direction), 1.0);
             // behind the aperture it is dark
             assert!(
@@ -91,7 +139,11 @@ mod tests {
 
     #[test]
     fn dark_beside_the_aperture() {
-        let (light, place) = (BeamLight { radius_m: 0.5 }, Placement::IDENTITY);
+        let place = Placement::IDENTITY;
+        let light = BeamLight {
+            radius_m: 0.5,
+            waist_m: None,
+        };
         assert!(
             light
                 .sample_direct(&place, DVec3::new(0.0, 0.51, 1.0))
@@ -104,5 +156,40 @@ mod tests {
         );
         let s = light.sample_emission(&place, DVec2::new(0.3, 0.4));
         assert!((f64::from(s.weight[0]) - PI * 0.25).abs() < 1e-6);
+    }
+
+    /// Shares of a truncated Gaussian within a radius: of its closed form, and of stratified draws.
+    #[test]
+    fn gaussian_beams_are_drawn_by_their_irradiance() {
+        let (radius_m, waist) = (0.02, 0.015);
+        let light = BeamLight {
+            radius_m,
+            waist_m: Some(waist),
+        };
+        let within = |r: f64| 0.5 * PI * waist * waist * (1.0 - (-2.0 * (r / waist).powi(2)).exp());
+        assert!((light.flux_factor() / within(radius_m) - 1.0).abs() < 1e-14);
+        let n = 300;
+        for r in [0.003, 0.008, 0.015] {
+            let hits = (0..n * n).filter(|i| {
+                let u = DVec2::new(f64::from(i % n) + 0.5, f64::from(i / n) + 0.5) / f64::from(n);
+                light.draw(u).length() < r
+            });
+            let share = hits.count() as f64 / f64::from(n * n);
+            let expected = within(r) / within(radius_m);
+            // at most the strata that the circle crosses
+            assert!(
+                (share - expected).abs() < 4.0 / f64::from(n),
+                "{r}: {share} {expected}"
+            );
+        }
+        // much wider than the aperture it is uniform
+        let wide = BeamLight {
+            waist_m: Some(1e6),
+            ..light
+        };
+        assert!((wide.flux_factor() / (PI * radius_m * radius_m) - 1.0).abs() < 1e-9);
+        let u = DVec2::new(0.3, 0.8);
+        let uniform = radius_m * sampling::disk(u.into());
+        assert!((wide.draw(u) - uniform).length() < 1e-9 * radius_m);
     }
 }

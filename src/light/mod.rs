@@ -180,7 +180,31 @@ impl Light {
         Self {
             emission: irradiance,
             transform: Some(posed(position, direction).into()),
-            kind: LightKind::Beam(BeamLight { radius_m }),
+            kind: LightKind::Beam(BeamLight {
+                radius_m,
+                waist_m: None,
+            }),
+        }
+    }
+
+    /// The same beam with an irradiance that falls to 1/e² at `waist_m` from the axis, where it is
+    /// as given; any other light as it is.
+    #[must_use]
+    pub fn with_waist(mut self, waist_m: f64) -> Self {
+        if let LightKind::Beam(beam) = &mut self.kind {
+            beam.waist_m = Some(waist_m);
+        }
+        self
+    }
+
+    /// Flux per unit of the spectrum of a point, spot or beam: sr, or m²; `None` for other lights.
+    #[must_use]
+    pub fn own_flux_factor(&self) -> Option<f64> {
+        match &self.kind {
+            LightKind::Point(_) => Some(PointLight::FLUX_FACTOR),
+            LightKind::Spot(light) => Some(light.flux_factor()),
+            LightKind::Beam(light) => Some(light.flux_factor()),
+            _ => None,
         }
     }
 
@@ -266,7 +290,7 @@ impl Light {
             LightKind::Point(_) => PointLight::FLUX_FACTOR,
             LightKind::Spot(light) => light.flux_factor(),
             LightKind::Directional(_) => DirectionalLight::flux_factor(geometry),
-            LightKind::Beam(light) => light.area(),
+            LightKind::Beam(light) => light.flux_factor(),
             LightKind::Environment(light) => light.flux_factor(geometry),
         }
     }
@@ -387,7 +411,7 @@ impl Light {
                 1.0,
                 Perpendicular(1.0 / DirectionalLight::flux_factor(geometry)),
             ),
-            LightKind::Beam(light) => (1.0, light.density()),
+            LightKind::Beam(light) => (1.0, light.density(&self.placement(geometry), x0.p)),
             LightKind::Environment(light) => (
                 light.direction_pdf(self.turn(geometry).as_deref(), direction),
                 EnvironmentLight::disk_density(geometry),

@@ -12,7 +12,7 @@ pub struct PointLight;
 
 impl PointLight {
     /// Flux per unit intensity.
-    pub(super) const FLUX_FACTOR: f64 = 4.0 * PI;
+    pub const FLUX_FACTOR: f64 = 4.0 * PI;
 
     /// Density per solid angle of the emitted direction.
     pub(super) const DIRECTION_PDF: f64 = sampling::UNIFORM_SPHERE_PDF;

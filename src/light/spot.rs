@@ -88,7 +88,8 @@ impl SpotLight {
     }
 
     /// Flux per unit intensity: the integral of the falloff over directions.
-    pub(super) fn flux_factor(&self) -> f64 {
+    #[must_use]
+    pub fn flux_factor(&self) -> f64 {
         TAU * (versine(self.falloff_start_rad) + self.falloff.mean() * self.soft_width())
     }
 

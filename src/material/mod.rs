@@ -6,7 +6,7 @@ mod lobe;
 pub use lobe::{LobeSpec, SMOOTH_ALPHA};
 
 use crate::bsdf::albedo::Needs;
-use crate::bsdf::{CoatingLanes, Interface, Lobe};
+use crate::bsdf::{Interface, Lobe};
 use crate::geometry::SurfacePoint;
 use crate::optics::Stack;
 use crate::spectrum::{Ior, SampledWavelengths};
@@ -158,13 +158,6 @@ impl Material {
             coating: Some(coating),
             ..Self::interface(0.0)
         }
-    }
-
-    /// The coating at the wavelengths of a path.
-    #[must_use]
-    pub fn coating_at(&self, wavelengths: &SampledWavelengths) -> Option<CoatingLanes> {
-        let stack = self.coating.as_ref()?;
-        Some(CoatingLanes::new(stack, wavelengths))
     }
 
     /// Appends the (weight, lobe) pairs of the point with texture coordinates `uv`. Lobes of weight

@@ -4,7 +4,7 @@
 //! radius that the on-axis marginal ray has there. Spots are uniform in the area of the stop and
 //! measured about their centroid.
 
-use super::coating::{Response, interface};
+use super::coating::{Response, Stack, interface};
 use super::paraxial::Paraxial;
 use super::prescription::{Interaction, Prescription};
 use super::trace::{Event, Lost, Ray, System};
@@ -220,33 +220,7 @@ impl<'a> Beams<'a> {
     /// # Errors
     /// Where and why it is lost.
     pub fn transmission(&self, ray: Ray) -> Result<Transmission, Lost> {
-        let mut out = Transmission {
-            surfaces: 1.0,
-            media: 1.0,
-        };
-        let prescription = self.prescription;
-        let n = self.system.indices();
-        let last = prescription.last();
-        self.system.trace(ray, true, |e: &Event| {
-            let i = e.surface;
-            if i > 0 {
-                let k = prescription.medium_before(i).ior.k(self.lambda_nm);
-                let alpha_per_mm = 4.0 * std::f64::consts::PI * k / (self.lambda_nm * 1e-6);
-                out.media *= (-alpha_per_mm * e.distance.abs()).exp();
-            }
-            let surface = &prescription.surfaces[i];
-            let coating = surface.coating.as_ref();
-            let cos = e.incoming.dot(e.normal).abs().min(1.0);
-            let response =
-                |n_out| -> Response { interface(coating, self.lambda_nm, n[i], n_out, cos) };
-            out.surfaces *= match surface.interaction {
-                Interaction::Reflect if coating.is_none() => 1.0,
-                Interaction::Reflect => response(1.5).r,
-                Interaction::Refract if i > last || (n[i] == n[i + 1] && coating.is_none()) => 1.0,
-                Interaction::Refract => response(n[i + 1]).t,
-            };
-        })?;
-        Ok(out)
+        kept(self.prescription, &self.system, self.lambda_nm, ray).map(|(kept, _)| kept)
     }
 
     /// Mean transmission of the beam of a field over the rays that pass all apertures.
@@ -262,6 +236,53 @@ impl<'a> Beams<'a> {
             media: all.iter().map(|t| t.media).sum::<f64>() / n,
         })
     }
+}
+
+/// Share of its power that a ray keeps along the route of a system, and the ray at the image.
+pub(super) fn kept(
+    prescription: &Prescription,
+    system: &System,
+    lambda_nm: f64,
+    ray: Ray,
+) -> Result<(Transmission, Ray), Lost> {
+    let mut out = Transmission {
+        surfaces: 1.0,
+        media: 1.0,
+    };
+    let n = system.indices();
+    let last = prescription.last();
+    let end = system.trace(ray, true, |e: &Event| {
+        let (i, passage) = (e.surface, &system.route()[e.surface]);
+        if i > 0 {
+            let k = prescription.in_front(passage).ior.k(lambda_nm);
+            let alpha_per_mm = 4.0 * std::f64::consts::PI * k / (lambda_nm * 1e-6);
+            out.media *= (-alpha_per_mm * e.distance.abs()).exp();
+        }
+        let surface = &prescription.surfaces[passage.surface];
+        let coating = surface.coating.as_ref();
+        let cos = e.incoming.dot(e.normal).abs().min(1.0);
+        let response = |n_out| -> Response {
+            if passage.backward {
+                let reversed = coating.map(Stack::reversed);
+                return interface(reversed.as_ref(), lambda_nm, n[i], n_out, cos);
+            }
+            interface(coating, lambda_nm, n[i], n_out, cos)
+        };
+        out.surfaces *= match surface.interaction {
+            Interaction::Reflect if coating.is_none() => 1.0,
+            Interaction::Reflect => response(1.5).r,
+            Interaction::Refract if passage.reflects => {
+                response(prescription.behind(passage).ior.n(lambda_nm)).r
+            }
+            Interaction::Refract
+                if passage.surface > last || (n[i] == n[i + 1] && coating.is_none()) =>
+            {
+                1.0
+            }
+            Interaction::Refract => response(n[i + 1]).t,
+        };
+    })?;
+    Ok((out, end))
 }
 
 fn at_stop(system: &System, stop: usize, ray: Ray) -> Option<DVec2> {

@@ -117,62 +117,77 @@ impl Films {
         cos_in: f64,
         polarization: Polarization,
     ) -> Response {
-        let one = |is_p| self.response_of(lambda_nm, n_in, n_out, cos_in, is_p);
-        match polarization {
-            Polarization::Average => one(false).mean(one(true)),
-            Polarization::S => one(false),
-            Polarization::P => one(true),
-        }
+        let layers = self.layers.iter().copied();
+        response(&layers, lambda_nm, n_in, n_out, cos_in, polarization)
     }
+}
 
-    fn response_of(
-        &self,
-        lambda_nm: f64,
-        n_in: f64,
-        n_out: Complex64,
-        cos_in: f64,
-        is_p: bool,
-    ) -> Response {
-        let n_sin = n_in * (1.0 - cos_in * cos_in).max(0.0).sqrt();
-        // at grazing incidence everything is reflected
-        if cos_in <= 0.0 {
-            return Response {
-                r: 1.0,
-                t: 0.0,
-                a: 0.0,
-            };
-        }
-        let eta_in = admittance(n_in.into(), cos_in.into(), is_p);
-        let eta_out = admittance(n_out, cosine(n_out, n_sin), is_p);
-        // electric and magnetic field behind the stack, carried to its front; the power of e taken
-        // out is kept apart
-        let (mut b, mut c) = (Complex64::from(1.0), eta_out);
-        let mut log_scale = 0.0;
-        for &(n, nm) in self.layers.iter().rev() {
-            let cos = cosine(n, n_sin);
-            let eta = admittance(n, cos, is_p);
-            let delta = n * cos * (TAU * nm / lambda_nm);
-            // cos and sin of delta times exp(-|Im delta|)
-            let damping = delta.im.abs();
-            let forward = Complex64::new(0.0, delta.re).exp() * (-delta.im - damping).exp();
-            let backward = Complex64::new(0.0, -delta.re).exp() * (delta.im - damping).exp();
-            let cos_delta = 0.5 * (forward + backward);
-            let i_sin_delta = 0.5 * (forward - backward);
-            (b, c) = (
-                cos_delta * b - i_sin_delta / eta * c,
-                cos_delta * c - i_sin_delta * eta * b,
-            );
-            log_scale += damping;
-        }
-        let incident = eta_in * b + c;
-        let norm = incident.norm_sqr();
-        let power = 4.0 * eta_in.re / norm;
-        let out = eta_out.re.max(0.0) * (-2.0 * log_scale).exp();
-        Response {
-            r: ((eta_in * b - c) / incident).norm_sqr(),
-            t: power * out,
-            a: power * ((b * c.conj()).re - out),
-        }
+/// Response of layers, indices and thicknesses in nanometers in the order in which light meets
+/// them: see [`Films::response`].
+#[must_use]
+pub fn response(
+    layers: &(impl DoubleEndedIterator<Item = (Complex64, f64)> + Clone),
+    lambda_nm: f64,
+    n_in: f64,
+    n_out: Complex64,
+    cos_in: f64,
+    polarization: Polarization,
+) -> Response {
+    let one = |is_p| response_of(layers.clone(), lambda_nm, n_in, n_out, cos_in, is_p);
+    match polarization {
+        Polarization::Average => one(false).mean(one(true)),
+        Polarization::S => one(false),
+        Polarization::P => one(true),
+    }
+}
+
+fn response_of(
+    layers: impl DoubleEndedIterator<Item = (Complex64, f64)>,
+    lambda_nm: f64,
+    n_in: f64,
+    n_out: Complex64,
+    cos_in: f64,
+    is_p: bool,
+) -> Response {
+    let n_sin = n_in * (1.0 - cos_in * cos_in).max(0.0).sqrt();
+    // at grazing incidence everything is reflected
+    if cos_in <= 0.0 {
+        return Response {
+            r: 1.0,
+            t: 0.0,
+            a: 0.0,
+        };
+    }
+    let eta_in = admittance(n_in.into(), cos_in.into(), is_p);
+    let eta_out = admittance(n_out, cosine(n_out, n_sin), is_p);
+    // electric and magnetic field behind the stack, carried to its front; the power of e taken
+    // out is kept apart
+    let (mut b, mut c) = (Complex64::from(1.0), eta_out);
+    let mut log_scale = 0.0;
+    for (n, nm) in layers.rev() {
+        let cos = cosine(n, n_sin);
+        let eta = admittance(n, cos, is_p);
+        let delta = n * cos * (TAU * nm / lambda_nm);
+        // cos and sin of delta times exp(-|Im delta|)
+        let damping = delta.im.abs();
+        let forward = Complex64::new(0.0, delta.re).exp() * (-delta.im - damping).exp();
+        let backward = Complex64::new(0.0, -delta.re).exp() * (delta.im - damping).exp();
+        let cos_delta = 0.5 * (forward + backward);
+        let i_sin_delta = 0.5 * (forward - backward);
+        (b, c) = (
+            cos_delta * b - i_sin_delta / eta * c,
+            cos_delta * c - i_sin_delta * eta * b,
+        );
+        log_scale += damping;
+    }
+    let incident = eta_in * b + c;
+    let norm = incident.norm_sqr();
+    let power = 4.0 * eta_in.re / norm;
+    let out = eta_out.re.max(0.0) * (-2.0 * log_scale).exp();
+    Response {
+        r: ((eta_in * b - c) / incident).norm_sqr(),
+        t: power * out,
+        a: power * ((b * c.conj()).re - out),
     }
 }
 
@@ -181,14 +196,16 @@ impl Stack {
     /// one, else `n_out`.
     #[must_use]
     pub fn films(&self, lambda_nm: f64, n_out: f64) -> (Films, Complex64) {
-        let complex = |ior: &Ior| Complex64::new(ior.n(lambda_nm), ior.k(lambda_nm));
-        let layers = self
-            .layers
-            .iter()
-            .map(|l| (complex(&l.ior), l.thickness_nm()))
-            .collect();
-        let behind = self.backing.as_ref().map_or(n_out.into(), complex);
+        let layers = self.layers_at(lambda_nm).collect();
+        let behind = self.backing.as_ref();
+        let behind = behind.map_or(n_out.into(), |ior| complex(ior, lambda_nm));
         (Films { layers }, behind)
+    }
+
+    /// Index and thickness in nanometers of each layer at a wavelength.
+    pub fn layers_at(&self, lambda_nm: f64) -> impl Iterator<Item = (Complex64, f64)> {
+        let layers = self.layers.iter();
+        layers.map(move |l| (complex(&l.ior, lambda_nm), l.thickness_nm()))
     }
 
     /// The same stack for light from the other side.
@@ -199,6 +216,10 @@ impl Stack {
             ..self.clone()
         }
     }
+}
+
+fn complex(ior: &Ior, lambda_nm: f64) -> Complex64 {
+    Complex64::new(ior.n(lambda_nm), ior.k(lambda_nm))
 }
 
 /// Response of an interface with a coating or without, to unpolarized light.

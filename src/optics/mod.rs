@@ -1,4 +1,4 @@
-//! Lens systems: surfaces, prescriptions, paraxial and real rays, aberrations, coatings.
+//! Lens systems: surfaces, prescriptions, paraxial and real rays, aberrations, ghosts, coatings.
 //!
 //! Lengths are millimeters as in lens files, wavelengths nanometers, angles degrees in
 //! prescriptions. Light enters along +z. The intersection of a ray with a surface ([`LensSurface`])
@@ -8,6 +8,7 @@
 pub mod analysis;
 pub mod aperture;
 pub mod coating;
+pub mod ghosts;
 mod interval;
 pub mod paraxial;
 pub mod polarization;
@@ -28,5 +29,5 @@ pub use prescription::{
 };
 pub use profile::Profile;
 pub use surface::{Crossing, LensSurface};
-pub use trace::{Event, Lost, Ray, System};
+pub use trace::{Event, Lost, Passage, Ray, System};
 pub use validate::PrescriptionError;

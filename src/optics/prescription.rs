@@ -5,6 +5,7 @@ use super::aperture::Aperture;
 use super::coating::Stack;
 use super::profile::Profile;
 use super::surface::LensSurface;
+use super::trace::Passage;
 use crate::spectrum::Ior;
 use crate::spectrum::ior::{LINE_C_NM, LINE_D_NM, LINE_F_NM};
 use glam::{DMat3, DVec3};
@@ -286,6 +287,28 @@ impl Prescription {
         match i {
             0 => &self.object_medium,
             i => &self.surfaces[i - 1].medium,
+        }
+    }
+
+    /// The medium on the side of a surface that light of a passage comes from.
+    #[must_use]
+    pub fn in_front(&self, passage: &Passage) -> &Medium {
+        let i = passage.surface;
+        if passage.backward {
+            &self.surfaces[i].medium
+        } else {
+            self.medium_before(i)
+        }
+    }
+
+    /// The medium on the other side.
+    #[must_use]
+    pub fn behind(&self, passage: &Passage) -> &Medium {
+        let i = passage.surface;
+        if passage.backward {
+            self.medium_before(i)
+        } else {
+            &self.surfaces[i].medium
         }
     }
 

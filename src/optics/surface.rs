@@ -102,6 +102,7 @@ impl LensSurface {
     /// The same where up to two points of the line are known to lie on the surface, and are none of
     /// its crossings: at 0, and farther along.
     #[must_use]
+    #[inline]
     pub fn first_hit_but(
         &self,
         o: DVec3,
@@ -109,15 +110,24 @@ impl LensSurface {
         [t_min, t_max]: [f64; 2],
         own: [Option<f64>; 2],
     ) -> Option<Crossing> {
-        let inside = |c: &Crossing| {
-            t_min < c.t && c.t < t_max && self.aperture.contains(c.point.x, c.point.y)
-        };
+        let is_within = |t: f64| t_min < t && t < t_max;
+        let is_clear = |point: DVec3| self.aperture.contains(point.x, point.y);
         if let Profile::Conic { curvature, conic } = self.profile {
-            return conic_roots(curvature, conic, o, d, own)
-                .into_iter()
-                .filter_map(|t| conic_crossing(curvature, conic, o, d, t))
-                .find(inside);
+            // from cheap to dear: the normal is that of the one crossing which counts
+            for t in conic_roots(curvature, conic, o, d, own) {
+                if !is_within(t) {
+                    continue;
+                }
+                let point = o + d * t;
+                if is_clear(point)
+                    && let Some(hit) = conic_crossing(curvature, conic, point, t)
+                {
+                    return Some(hit);
+                }
+            }
+            return None;
         }
+        let inside = |c: &Crossing| is_within(c.t) && is_clear(c.point);
         let reach = self.aperture.extent().min(self.reach);
         let [mut start, end] = own;
         let mut from = t_min;
@@ -136,14 +146,12 @@ impl LensSurface {
     pub fn sequential(&self, o: DVec3, d: DVec3) -> Option<Crossing> {
         if let Profile::Conic { curvature, conic } = self.profile {
             let line = Line::new(o, d);
-            let (_, b, c) = conic_quadratic(curvature, conic, &line);
-            let root = discriminant(curvature, conic, &line)?.sqrt();
+            let quadratic = conic_quadratic(curvature, conic, &line);
+            let (_, b, c) = quadratic;
+            let root = discriminant(quadratic)?.sqrt();
             let denominator = root.copysign(d.z) - b;
             let t = if c == 0.0 { 0.0 } else { c / denominator };
-            return conic_crossing(curvature, conic, line.o, d, t).map(|hit| Crossing {
-                t: t + line.shift,
-                ..hit
-            });
+            return conic_crossing(curvature, conic, line.o + d * t, t + line.shift);
         }
         let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
         let mut range = everywhere;
@@ -351,14 +359,14 @@ fn conic_quadratic(c: f64, k: f64, line: &Line) -> (f64, f64, f64) {
     )
 }
 
-fn discriminant(c: f64, k: f64, line: &Line) -> Option<f64> {
-    let (a, b, rest) = conic_quadratic(c, k, line);
+fn discriminant((a, b, rest): (f64, f64, f64)) -> Option<f64> {
     let value = b * b - a * rest;
     (value >= 0.0).then_some(value)
 }
 
 /// Distances from `o`, in order, at which a line meets the quadric; NaN for those that do not exist
 /// or are its own.
+#[inline]
 fn conic_roots(c: f64, k: f64, o: DVec3, d: DVec3, own: [Option<f64>; 2]) -> [f64; 2] {
     // of a point on it, its own root is known and the other has a closed form
     let other = |o: DVec3| {
@@ -371,8 +379,9 @@ fn conic_roots(c: f64, k: f64, o: DVec3, d: DVec3, own: [Option<f64>; 2]) -> [f6
         [None, None] => {}
     }
     let line = Line::new(o, d);
-    let (a, b, rest) = conic_quadratic(c, k, &line);
-    let Some(square) = discriminant(c, k, &line) else {
+    let quadratic = conic_quadratic(c, k, &line);
+    let (a, b, rest) = quadratic;
+    let Some(square) = discriminant(quadratic) else {
         return [f64::NAN; 2];
     };
     let q = -(b + square.sqrt().copysign(b));
@@ -384,9 +393,9 @@ fn conic_roots(c: f64, k: f64, o: DVec3, d: DVec3, own: [Option<f64>; 2]) -> [f6
     }
 }
 
-/// The crossing at `t` if it lies on the sheet of the vertex.
-fn conic_crossing(c: f64, k: f64, o: DVec3, d: DVec3, t: f64) -> Option<Crossing> {
-    let point = o + d * t;
+/// The crossing at a point of the quadric if it lies on the sheet of the vertex.
+#[inline]
+fn conic_crossing(c: f64, k: f64, point: DVec3, t: f64) -> Option<Crossing> {
     let up = 1.0 - c * (1.0 + k) * point.z;
     if !(point.is_finite() && up >= 0.0) {
         return None;

@@ -1,4 +1,5 @@
-//! Sequential tracing of real rays: surface after surface in the order of the prescription.
+//! Sequential tracing of real rays: surface after surface in the order of the prescription, or
+//! along a route that turns back in between.
 
 use super::prescription::{Frame, Interaction, Prescription};
 use super::surface::LensSurface;
@@ -13,10 +14,21 @@ pub struct Ray {
     pub d: DVec3,
 }
 
+/// Encounter with a surface on the way through a system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Passage {
+    /// Index of the surface.
+    pub surface: usize,
+    /// Light comes from the side of the image.
+    pub backward: bool,
+    /// Light is reflected.
+    pub reflects: bool,
+}
+
 /// Event of a ray at a surface, in the space of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// Index of the surface.
+    /// Index of the surface; on a route that of the passage.
     pub surface: usize,
     /// Where it was met.
     pub point: DVec3,
@@ -30,7 +42,7 @@ pub struct Event {
     pub distance: f64,
 }
 
-/// Why a ray does not reach the image; with the index of the surface.
+/// Why a ray does not reach the image; with the index of the surface or passage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lost {
     /// The ray misses the surface.
@@ -57,8 +69,10 @@ struct Step<'a> {
 #[derive(Clone, Debug)]
 pub struct System<'a> {
     steps: Vec<Step<'a>>,
+    route: Vec<Passage>,
+    /// Frame of each passage.
     frames: Vec<Frame>,
-    /// Index of the object space, then after each surface.
+    /// Index of the object space, then after each passage.
     indices: Vec<f64>,
 }
 
@@ -66,18 +80,35 @@ impl<'a> System<'a> {
     /// A valid prescription at a wavelength in nanometers.
     #[must_use]
     pub fn new(prescription: &'a Prescription, lambda_nm: f64) -> Self {
-        let frames = prescription.frames();
+        let surfaces = prescription.surfaces.iter().enumerate();
+        let forward = surfaces.map(|(i, surface)| Passage {
+            surface: i,
+            backward: false,
+            reflects: surface.interaction == Interaction::Reflect,
+        });
+        Self::along(prescription, lambda_nm, forward.collect())
+    }
+
+    /// The system along a route, each of whose passages begins where the one before it ends; the
+    /// last is that of the image.
+    #[must_use]
+    pub fn along(prescription: &'a Prescription, lambda_nm: f64, route: Vec<Passage>) -> Self {
+        let all = prescription.frames();
         let mut last = Frame::SYSTEM;
         let mut n = prescription.object_medium.ior.n(lambda_nm);
         let mut indices = vec![n];
-        let mut steps = Vec::with_capacity(frames.len());
-        for (surface, frame) in prescription.surfaces.iter().zip(&frames) {
-            let reflects = surface.interaction == Interaction::Reflect;
+        let mut steps = Vec::with_capacity(route.len());
+        let mut frames = Vec::with_capacity(route.len());
+        for passage in &route {
+            let frame = &all[passage.surface];
+            let surface = &prescription.surfaces[passage.surface];
+            let reflects = passage.reflects;
             let next = if reflects {
                 n
             } else {
-                surface.medium.ior.n(lambda_nm)
+                prescription.behind(passage).ior.n(lambda_nm)
             };
+            frames.push(*frame);
             let turn = frame.rotation.transpose() * last.rotation;
             steps.push(Step {
                 shape: &surface.shape,
@@ -92,18 +123,25 @@ impl<'a> System<'a> {
         }
         Self {
             steps,
+            route,
             frames,
             indices,
         }
     }
 
-    /// Index of the object space, then after each surface.
+    /// Passages in the order of the light.
+    #[must_use]
+    pub fn route(&self) -> &[Passage] {
+        &self.route
+    }
+
+    /// Index of the object space, then after each surface (or passage).
     #[must_use]
     pub fn indices(&self) -> &[f64] {
         &self.indices
     }
 
-    /// Frame of each surface.
+    /// Frame of each surface (or passage).
     #[must_use]
     pub fn frames(&self) -> &[Frame] {
         &self.frames

@@ -6,6 +6,7 @@
 
 use super::Outputs;
 use crate::film::Film;
+use std::fmt;
 
 /// A sum over a film.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,13 +18,24 @@ pub struct Total {
 }
 
 impl Total {
-    fn new(film: &Film, channel: usize, scale: f64, [even, odd]: [u64; 2]) -> Self {
+    /// Sum of a channel over a film whose halves hold so many passes, times `scale`.
+    #[must_use]
+    pub fn of(film: &Film, channel: usize, scale: f64, [even, odd]: [u64; 2]) -> Self {
         let image = film.image(even + odd);
         let values = image.iter().skip(channel).step_by(film.channels());
         let noise = film.noise(channel, even, odd);
         Self {
             value: scale * values.sum::<f64>(),
             error: noise.map(|noise| scale * noise.iter().map(|v| v * v).sum::<f64>().sqrt()),
+        }
+    }
+}
+
+impl fmt::Display for Total {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.error {
+            Some(error) => write!(f, "{:.6e} ± {error:.1e}", self.value),
+            None => write!(f, "{:.6e}", self.value),
         }
     }
 }
@@ -38,6 +50,8 @@ pub struct Flux {
     pub lines_w: Vec<(f64, Total)>,
     /// The radiant flux besides the lines, in watts, where the spectral image is kept and has bins.
     pub continuum_w: Option<Total>,
+    /// Luminous flux of the paths of each expression over classes that is kept, lumens.
+    pub classes_lm: Vec<(String, Total)>,
 }
 
 impl Flux {
@@ -46,16 +60,22 @@ impl Flux {
     pub fn new(outputs: &Outputs, pixel_m2: f64, passes: [u64; 2]) -> Self {
         let lumens = pixel_m2 * outputs.response.photometric_unit();
         let mut flux = Self {
-            luminous_lm: Total::new(&outputs.image, 1, lumens, passes),
+            luminous_lm: Total::of(&outputs.image, 1, lumens, passes),
             lines_w: Vec::new(),
             continuum_w: None,
+            classes_lm: (outputs.classes.iter())
+                .map(|(class, film)| {
+                    let total = Total::of(film, 1, lumens, passes);
+                    (class.source().to_owned(), total)
+                })
+                .collect(),
         };
         let Some((channels, film)) = &outputs.spectral else {
             return flux;
         };
         let lines = channels.lines_nm();
         let bins = channels.count() - lines.len();
-        let total = |channel, scale| Total::new(film, channel, scale, passes);
+        let total = |channel, scale| Total::of(film, channel, scale, passes);
         let of_line = |(i, &nm)| (nm, total(bins + i, pixel_m2));
         flux.lines_w = lines.iter().enumerate().map(of_line).collect();
         // bins of one path share its wavelengths, but not their noise

@@ -1,7 +1,7 @@
 //! First-hit images: depth, normal and albedo through each pixel's centre, in the middle of the
 //! shutter.
 
-use crate::bsdf::{Bsdf, Interface};
+use crate::bsdf::{Bsdf, CoatingLanes, Interface};
 use crate::film::Crop;
 use crate::geometry::{InstanceId, Placements, Ray};
 use crate::scene::Scene;
@@ -67,7 +67,8 @@ pub fn guides(scene: &Scene, sensor: usize, crop: &Crop) -> Vec<Guide> {
             let material = scene.material(scene.object(point.id.instance).material);
             let mut albedo = [0.0; 3];
             for lanes in &wavelengths {
-                let coating = material.coating_at(lanes);
+                let coating = material.coating.as_deref();
+                let coating = coating.map(|stack| CoatingLanes::new(stack, lanes));
                 let interface = Interface {
                     eta_above: &[1.0; MAX_LANES],
                     eta_below: &[1.5; MAX_LANES],

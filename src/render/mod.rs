@@ -3,9 +3,11 @@
 pub mod bias;
 pub mod choices;
 pub mod clock;
+mod companions;
 pub mod effort;
 pub mod epsilon;
 pub mod error;
+pub mod expression;
 pub mod flux;
 pub mod forecast;
 pub mod guides;
@@ -25,6 +27,7 @@ pub use choices::Choices;
 pub use effort::EffortChoice;
 pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;
+pub use expression::PathExpression;
 pub use flux::{Flux, Total};
 pub use merging::{PhotonMemory, RadiusChoice, SharedWavelengths};
 pub use outputs::{OutputRequest, Outputs};
@@ -57,6 +60,8 @@ pub struct Render {
     regularization: Decision,
     outputs: Outputs,
     choices: Choices,
+    /// Detectors that its light sub-paths fill as well.
+    companions: Vec<Self>,
     /// Bytes of the largest photon map so far.
     photon_bytes: u64,
     /// Global indices of the passes done.
@@ -132,6 +137,7 @@ impl Render {
             regularization,
             outputs,
             choices,
+            companions: Vec::new(),
             photon_bytes: 0,
             passes: Vec::new(),
             counters: Counters::default(),
@@ -336,15 +342,16 @@ impl Render {
             ..Watch::default()
         };
         let mut flight = Flight::new(index, &self.crop);
-        if self.trace(&mut flight, &self.outputs, &watch) {
+        if self.trace(&mut flight, &self.films(), &watch) {
             self.count(flight);
         }
     }
 
     /// Traces what is missing of a pass into films, which need not be its own. Whether it is whole
     /// then: not where it was cancelled or paused.
-    fn trace(&self, flight: &mut Flight, outputs: &Outputs, watch: &Watch) -> bool {
-        let frame = self.frame();
+    fn trace(&self, flight: &mut Flight, films: &[&Outputs], watch: &Watch) -> bool {
+        let mut frame = self.frame();
+        frame.companions = self.companions_of(&frame, flight.index);
         let mut pass = self.settings_of(&frame, flight.index);
         let mut photons = None;
         if self.choices.radius.is_some() {
@@ -362,22 +369,28 @@ impl Render {
             }
             photons = map;
         }
-        pass::render_tiles(&frame, &pass, photons.as_ref(), outputs, watch, flight)
+        pass::render_tiles(&frame, &pass, photons.as_ref(), films, watch, flight)
     }
 
-    /// Films as those of this render, without a pass.
-    fn empty_outputs(&self) -> Outputs {
-        let filter = self.scene.sensors[self.sensor].filter;
-        Outputs::new(&self.request, self.crop, filter, self.scene.film_exponent)
+    /// Films as those of this render and its companions, without a pass.
+    fn empty_films(&self) -> Vec<Outputs> {
+        let empty = |render: &Self| {
+            let filter = render.scene.sensors[render.sensor].filter;
+            let exponent = render.scene.film_exponent;
+            Outputs::new(&render.request, render.crop, filter, exponent)
+        };
+        self.and_companions().map(empty).collect()
     }
 
     /// Counts a whole pass, which the films hold.
     fn count(&mut self, flight: Flight) {
         let counts = flight.counts;
         self.counters.add(&counts.counters);
-        self.table.merge(counts.table);
         self.photon_bytes = self.photon_bytes.max(counts.photon_bytes);
         self.passes.push(flight.index);
+        let mut tables = counts.tables.into_iter();
+        self.table.merge(tables.next().unwrap_or_default());
+        self.count_companions(flight.index, tables);
     }
 
     /// Adds the image sums of passes that were done before.

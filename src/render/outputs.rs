@@ -1,10 +1,11 @@
 //! Which images are kept besides XYZ: spectral bins, one image per strategy, one per path class,
 //! the share of regularized strategies.
 
+use super::expression::{PathExpression, PathText};
 use crate::film::{Crop, Film, Filter};
 use crate::spectrum::{LaneResponse, SensorResponse, SpectralChannels};
+use crate::transport::subpath::Event;
 use crate::transport::{Contribution, Target};
-use regex::Regex;
 use std::collections::BTreeMap;
 use std::sync::{PoisonError, RwLock};
 
@@ -17,8 +18,8 @@ pub struct OutputRequest {
     pub spectral: Option<SpectralChannels>,
     /// Keep one image per strategy.
     pub strategies: bool,
-    /// Keep one image per class expression, matched against the whole label string (`LSDE`).
-    pub classes: Vec<Regex>,
+    /// Keep one image per expression over path classes.
+    pub classes: Vec<PathExpression>,
     /// Keep the image of strategies that join at specular vertices, and the rest.
     pub shares: bool,
     /// Keep the table of classes and strategies.
@@ -53,7 +54,7 @@ pub struct Outputs {
     /// XYZ per strategy (s, t) and merge (whether it is one comes last), as they are met.
     pub strategies: Option<RwLock<StrategyFilms>>,
     /// XYZ per class expression.
-    pub classes: Vec<(Regex, Film)>,
+    pub classes: Vec<(PathExpression, Film)>,
     /// XYZ of strategies that join at no specular vertex, and of those that do.
     pub shares: Option<[Film; 2]>,
     crop: Crop,
@@ -86,10 +87,11 @@ impl Outputs {
         }
     }
 
-    /// Adds a sample's contributions to everything but the main image.
+    /// Adds a sample's contributions, of paths with these vertices, to everything but the main
+    /// image.
     pub fn add_extras(
         &self,
-        contributions: &[Contribution],
+        (contributions, events): (&[Contribution], &[Event]),
         response: &LaneResponse,
         pixel: (u32, u32),
         half: usize,
@@ -117,13 +119,12 @@ impl Outputs {
                 add(film, contribution.target, pixel, half, &xyz);
             }
             if !self.classes.is_empty() {
-                let class = contribution.class.to_string();
-                for (_, film) in self
-                    .classes
-                    .iter()
-                    .filter(|(regex, _)| regex.is_match(&class))
-                {
-                    add(film, contribution.target, pixel, half, &xyz);
+                let [first, end] = contribution.events.map(|i| i as usize);
+                let mut path = PathText::new(contribution.class, &events[first..end]);
+                for (expression, film) in &self.classes {
+                    if path.matches(expression) {
+                        add(film, contribution.target, pixel, half, &xyz);
+                    }
                 }
             }
         }

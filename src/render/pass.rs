@@ -3,7 +3,8 @@
 use super::{Cancel, ClassTable, Outputs};
 use crate::film::Crop;
 use crate::integrator::{SensorJob, Workspace, sample_and_merge};
-use crate::transport::{Counters, PassSettings, PhotonMap, Target};
+use crate::spectrum::LaneResponse;
+use crate::transport::{Contribution, Counters, PassSettings, PhotonMap, Target};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::time::Instant;
@@ -50,7 +51,8 @@ impl Watch<'_> {
 #[derive(Debug, Default)]
 pub(super) struct PassCounts {
     pub counters: Counters,
-    pub table: ClassTable,
+    /// Of the render, then of its companions.
+    pub tables: Vec<ClassTable>,
     /// Bytes of its photon map; 0 without merging.
     pub photon_bytes: u64,
 }
@@ -109,21 +111,28 @@ pub fn tile_pixels(crop: &Crop) -> impl Iterator<Item = u16> + use<> {
 struct Local {
     workspace: Workspace,
     values: Vec<f64>,
-    table: ClassTable,
+    tables: Vec<ClassTable>,
 }
 
-/// Adds a sample of every pixel that is not done yet to `outputs`. Whether the pass is whole then:
-/// not where it was cancelled or paused.
+fn merge_tables(sums: &mut Vec<ClassTable>, more: Vec<ClassTable>) {
+    sums.resize_with(sums.len().max(more.len()), ClassTable::default);
+    for (sum, table) in sums.iter_mut().zip(more) {
+        sum.merge(table);
+    }
+}
+
+/// Adds a sample of every pixel that is not done yet to `films`, the render's own and those of its
+/// companions. Whether the pass is whole then: not where it was cancelled or paused.
 pub(super) fn render_tiles(
     frame: &SensorJob,
     pass: &PassSettings,
     photons: Option<&PhotonMap>,
-    outputs: &Outputs,
+    films: &[&Outputs],
     watch: &Watch,
     flight: &mut Flight,
 ) -> bool {
     let half = (pass.index & 1) as usize;
-    let tiles: Vec<Crop> = tiles(outputs.image.crop()).collect();
+    let tiles: Vec<Crop> = tiles(films[0].image.crop()).collect();
     let is_whole = |(tile, done): (&Crop, &u16)| u64::from(*done) == tile.pixels();
     let (all, whole) = (tiles.len() as u64, tiles.iter().zip(&flight.done));
     let whole = AtomicU64::new(whole.filter(|pair| is_whole(*pair)).count() as u64);
@@ -139,7 +148,7 @@ pub(super) fn render_tiles(
             }
             let at = u32::from(*done);
             let pixel = (tile.x0 + at % tile.width(), tile.y0 + at / tile.width());
-            render_pixel((frame, pass, photons), outputs, pixel, half, &mut local);
+            render_pixel((frame, pass, photons), films, pixel, half, &mut local);
             *done += 1;
             has_added.store(true, SeqCst);
         }
@@ -156,11 +165,11 @@ pub(super) fn render_tiles(
         .fold(Local::default, render_tile)
         .reduce(Local::default, |mut a, b| {
             a.workspace.counters.add(&b.workspace.counters);
-            a.table.merge(b.table);
+            merge_tables(&mut a.tables, b.tables);
             a
         });
     flight.counts.counters.add(&local.workspace.counters);
-    flight.counts.table.merge(local.table);
+    merge_tables(&mut flight.counts.tables, local.tables);
     tiles.iter().zip(&flight.done).all(is_whole)
 }
 
@@ -179,37 +188,56 @@ fn tiles(crop: Crop) -> impl Iterator<Item = Crop> {
 
 fn render_pixel(
     (frame, pass, photons): (&SensorJob, &PassSettings, Option<&PhotonMap>),
-    outputs: &Outputs,
-    (x, y): (u32, u32),
+    films: &[&Outputs],
+    pixel: (u32, u32),
     half: usize,
     local: &mut Local,
 ) {
     let Local {
         workspace,
         values,
-        table,
+        tables,
     } = local;
-    let response = sample_and_merge(frame, pass, photons, (x, y), outputs.response, workspace);
+    let response = sample_and_merge(frame, pass, photons, pixel, films[0].response, workspace);
+    tables.resize_with(films.len(), ClassTable::default);
+    let companions = workspace.companions.iter();
+    let contributions = std::iter::once(&workspace.contributions).chain(companions);
+    for ((contributions, outputs), table) in contributions.zip(films).zip(tables) {
+        let table = frame.with_raw.then_some(table);
+        add_sample(contributions, &response, outputs, pixel, half, table);
+        let events = workspace.events();
+        outputs.add_extras((contributions, events), &response, pixel, half, values);
+    }
+}
+
+/// Adds a sample to the main image of a film, and to the table where one is kept.
+fn add_sample(
+    contributions: &[Contribution],
+    response: &LaneResponse,
+    outputs: &Outputs,
+    (x, y): (u32, u32),
+    half: usize,
+    mut table: Option<&mut ClassTable>,
+) {
     // splats one by one, the pixel's own contributions as one sum
     let mut own = [0.0; 3];
-    for contribution in &workspace.contributions {
+    for contribution in contributions {
         let xyz = response.xyz(&contribution.lanes);
         match contribution.target {
             Target::OwnPixel => own.iter_mut().zip(xyz).for_each(|(sum, more)| *sum += more),
             Target::Splat(raster) => outputs.image.add_splat(raster, half, &xyz),
         }
-        if frame.with_raw {
+        if let Some(table) = &mut table {
             let share = match contribution.target {
                 Target::OwnPixel => 1.0,
                 Target::Splat(raster) => outputs.image.coverage(raster),
             };
             if share > 0.0 {
-                table.add(contribution, share, &response);
+                table.add(contribution, share, response);
             }
         }
     }
     outputs.image.add_pixel(x, y, half, &own);
-    outputs.add_extras(&workspace.contributions, &response, (x, y), half, values);
 }
 
 #[cfg(test)]

@@ -28,6 +28,9 @@ pub struct SessionOptions {
     pub sensor: usize,
     /// The rendered part of the film; `None`: all of it.
     pub crop: Option<Crop>,
+    /// Detectors that the same light sub-paths fill as well, by index, all of their films
+    /// ([`Render::companions`]): for light tracing alone. Parts know no companions.
+    pub companions: Vec<usize>,
     /// Films to keep.
     pub outputs: OutputRequest,
     /// Global indices of the passes; `None`: as many as the settings say. See [`NO_LIMIT`].
@@ -75,6 +78,16 @@ pub enum SessionError {
     /// Choices that were made for another render.
     #[error("the results of the pilots are those of another render")]
     Choices,
+    /// A detector that light sub-paths of another cannot fill.
+    #[error("sensors \"{lead}\" and \"{name}\" cannot share light sub-paths: {reason}")]
+    Companion {
+        /// The sensor whose light sub-paths are traced.
+        lead: String,
+        /// The one that cannot share them.
+        name: String,
+        /// Reason, and how it must be.
+        reason: &'static str,
+    },
 }
 
 /// State of a session after a pass.
@@ -118,8 +131,8 @@ impl View {
 /// The render of one sensor, pass by pass, until it is time to stop.
 pub struct Session {
     view: View,
-    /// Films of the pass in flight of a live session.
-    staging: Option<Outputs>,
+    /// Films of the pass in flight of a live session, those of companions after the session's own.
+    staging: Option<Vec<Outputs>>,
     /// Content of these films.
     flight: Option<Flight>,
     passes: Range<u32>,
@@ -166,7 +179,7 @@ impl Session {
         }
         let passes = options.passes.unwrap_or(0..settings.spp);
         let outputs = &options.outputs;
-        let render = match options.choices {
+        let mut render = match options.choices {
             Some(choices) => Render::with_choices(&scene, index, settings, crop, outputs, choices)
                 .ok_or(SessionError::Choices)?,
             None => {
@@ -174,8 +187,9 @@ impl Session {
                 Render::with_pilot(&scene, index, settings, crop, outputs, pilot)
             }
         };
+        render.add_companions(&options.companions)?;
         Ok(Self {
-            staging: options.live.then(|| render.empty_outputs()),
+            staging: options.live.then(|| render.empty_films()),
             flight: None,
             view: View(Arc::new(RwLock::new(render))),
             // a range that ends before it begins is empty
@@ -230,14 +244,14 @@ impl Session {
     pub fn restore_unfinished(&mut self, pass: UnfinishedPass) -> Result<(), AddSumsError> {
         let UnfinishedPass { pass, done, sums } = pass;
         let render = self.view.read();
-        let (crop, mut films) = (render.crop(), render.empty_outputs());
+        let (crop, mut films) = (render.crop(), render.empty_films());
         let (expected, found) = (tile_count(&crop) as usize, done.len());
         let within = |(all, done): (u16, &u16)| *done <= all;
         let fits = expected == found && tile_pixels(&crop).zip(&done).all(within);
         if !fits {
             return Err(AddSumsError::Length { expected, found });
         }
-        films.image.add_sums_to_half(pass as usize & 1, &sums)?;
+        films[0].image.add_sums_to_half(pass as usize & 1, &sums)?;
         self.staging = Some(films);
         self.flight = Some(Flight {
             done,
@@ -253,7 +267,7 @@ impl Session {
         Some(UnfinishedPass {
             pass: flight.index,
             done: flight.done.clone(),
-            sums: films.image.sums_of_half(flight.index as usize & 1),
+            sums: films[0].image.sums_of_half(flight.index as usize & 1),
         })
     }
 
@@ -384,7 +398,7 @@ impl Session {
     fn reason_to_stop(&mut self) -> Option<StopReason> {
         let render = self.view.read();
         let passes = render.passes().len();
-        let error = LazyCell::new(|| render.error().map(|e| e.relative));
+        let error = LazyCell::new(|| render.largest_error());
         self.history.after_pass(passes as u64, || *error);
         if self.passes.is_empty() {
             // a request to stop during the last pass changes nothing
@@ -420,13 +434,13 @@ impl Session {
         let begun = self.flight.take();
         let is_other = begun.as_ref().is_some_and(|flight| flight.index != pass);
         if is_other {
-            *staging = render.empty_outputs();
+            *staging = render.empty_films();
         }
         let begun = begun.filter(|_| !is_other);
         let mut flight = begun.unwrap_or_else(|| Flight::new(pass, &render.crop()));
-        if !render.trace(&mut flight, staging, &watch) {
+        if !render.trace(&mut flight, &staging.iter().collect::<Vec<_>>(), &watch) {
             if merges {
-                *staging = render.empty_outputs();
+                *staging = render.empty_films();
             } else if flight.has_begun() {
                 self.flight = Some(flight);
             }
@@ -434,7 +448,7 @@ impl Session {
         }
         drop(render);
         let mut render = self.view.write();
-        render.outputs.take(staging);
+        render.take(staging);
         render.count(flight);
         true
     }

@@ -10,6 +10,7 @@ mod error;
 pub(crate) mod html;
 mod json;
 pub mod readable;
+pub mod spot;
 pub mod statistics;
 
 pub use error::ReportError;

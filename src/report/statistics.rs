@@ -242,10 +242,15 @@ fn flux_json(flux: &Flux) -> Value {
         let Total { value, error } = watts;
         json!({ "nm": nm, "value": value, "standard_error": error })
     };
+    let class = |(class, lumens): &(String, Total)| {
+        let Total { value, error } = lumens;
+        json!({ "class": class, "value": value, "standard_error": error })
+    };
     json!({
         "luminous_lm": total(&flux.luminous_lm),
         "lines_w": flux.lines_w.iter().map(line).collect::<Vec<_>>(),
         "continuum_w": flux.continuum_w.as_ref().map(total),
+        "classes_lm": flux.classes_lm.iter().map(class).collect::<Vec<_>>(),
     })
 }
 

@@ -43,6 +43,8 @@ enum Role {
     },
     Mirror,
     Black,
+    /// Rim of glass.
+    Edge,
 }
 
 #[derive(Clone, Debug)]
@@ -80,13 +82,14 @@ impl LensAssembly {
         &self.glasses
     }
 
-    /// Adds the lens to a scene, as objects named after it; `place` makes the transform of a part
+    /// Adds the lens to a scene, as objects named after it, of a black material and of one for the
+    /// edges and flanges of its glass; `place` makes the transform of a part
     /// from its map to the space of the lens in metres. Takes time and memory linear in its parts.
     pub fn add_to(
         self,
         scene: &mut SceneDescription,
         name: &str,
-        black: MaterialId,
+        [black, edge]: [MaterialId; 2],
         place: impl Fn(DAffine3) -> Transform,
     ) {
         let media: Vec<MediumId> = self
@@ -100,6 +103,7 @@ impl LensAssembly {
         for part in self.parts {
             let (material, boundary) = match part.role {
                 Role::Black => (black, Boundary::None),
+                Role::Edge => (edge, Boundary::None),
                 Role::Mirror => {
                     let id =
                         mirror.get_or_insert_with(|| add_material(scene, Material::mirror(1.0)));

@@ -96,6 +96,29 @@ impl Emission {
         }
     }
 
+    /// Power over 360 to 830 nm, lines anywhere included: the integral of the spectrum, in its unit
+    /// times nanometers.
+    #[must_use]
+    pub fn power(&self) -> f64 {
+        let smooth = self.continuous.as_ref().map_or(0.0, |curve| {
+            let knots = curve.knots_nm();
+            let [power] = integrate([cie::FIRST_NM, cie::LAST_NM], &knots, |l| [curve.eval(l)]);
+            power
+        });
+        self.scale * (smooth + self.lines.iter().map(|l| l.value).sum::<f64>())
+    }
+
+    /// The same light scaled to this [`Emission::power`]; unchanged if it has none.
+    #[must_use]
+    pub fn with_power(self, power: f64) -> Self {
+        let own = self.power();
+        if own > 0.0 {
+            self.scaled(power / own)
+        } else {
+            self
+        }
+    }
+
     /// Remainder of this light when only the wavelengths `lines_nm` exist: its own lines among
     /// them, and elsewhere its continuous part as the power of a 1 nm wide band.
     #[must_use]

@@ -22,7 +22,7 @@ use super::contribution::{Aimed, Contribution, Target};
 use super::density::{Bridge, Column, PathView, VertexDensity};
 use super::mis::{Denominator, Multipliers, Technique, denominator, serves_all_lanes};
 use super::strategies::StrategySet;
-use super::subpath::{Subpath, Vertex};
+use super::subpath::{Event, Subpath, Vertex};
 use crate::bsdf::Lobe;
 use crate::geometry::{DirectionalDensity, EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
@@ -73,6 +73,8 @@ pub struct Scratch {
     columns: Vec<Column>,
     /// Lobes of a vertex of such a chain.
     lobes: Vec<(f32, Lobe)>,
+    /// Vertices of the paths of a sample, see [`Contribution::events`].
+    pub events: Vec<Event>,
     /// Cost of aims, by origin and kind; empty: not counted.
     pub tally: Vec<AimTally>,
 }
@@ -224,6 +226,7 @@ impl<'a> Joiner<'a> {
         self.counters.connections_made += 1;
         let s = view.s();
         let made = Technique::of(view);
+        let events = self.note_events(view, &candidate.trail);
         let raw = if self.with_raw {
             let shared = serves_all_lanes(view, view.dispersive_count(), made);
             let value = |j| numerator.scale * f64::from(numerator.lanes[j]);
@@ -255,7 +258,22 @@ impl<'a> Joiner<'a> {
             } else {
                 PathClass::default()
             },
+            events,
         });
+    }
+
+    /// Notes the scattering vertices of a path, where paths are told apart.
+    fn note_events(&mut self, view: &PathView, trail: &Trail) -> [u32; 2] {
+        if !self.detailed {
+            return [0; 2];
+        }
+        let events = &mut self.scratch.events;
+        let first = events.len();
+        events.extend((1..view.len().saturating_sub(1)).map(|i| Event {
+            label: view.label(i),
+            surface: trail.surface(i),
+        }));
+        [first as u32, events.len() as u32]
     }
 
     /// How a bridge made a contribution.

@@ -110,7 +110,7 @@ fn first(a: Option<InstanceId>, b: Option<InstanceId>) -> Option<InstanceId> {
 pub struct MediaLanes {
     media: Vec<MediumLanes>,
     /// Of each material; empty where none has a coating.
-    coatings: Vec<Option<CoatingLanes>>,
+    coatings: Vec<CoatingLanes>,
 }
 
 impl MediaLanes {
@@ -119,10 +119,14 @@ impl MediaLanes {
         self.media.clear();
         self.media
             .extend(scene.media.iter().map(|m| m.sample(wavelengths)));
-        self.coatings.clear();
-        if scene.has_coatings {
-            let coatings = scene.materials.iter().map(|m| m.coating_at(wavelengths));
-            self.coatings.extend(coatings);
+        if !scene.has_coatings {
+            self.coatings.clear();
+            return;
+        }
+        let count = scene.materials.len();
+        self.coatings.resize_with(count, CoatingLanes::default);
+        for (lanes, material) in self.coatings.iter_mut().zip(&scene.materials) {
+            lanes.update(material.coating.as_deref(), wavelengths);
         }
     }
 }
@@ -182,7 +186,7 @@ impl<'a> PathContext<'a> {
         let coating = if coatings.is_empty() {
             None
         } else {
-            coatings[self.scene.object(on).material.0 as usize].as_ref()
+            Some(&coatings[self.scene.object(on).material.0 as usize]).filter(|c| !c.is_none())
         };
         Interface {
             eta_above: &above.eta,

@@ -51,6 +51,9 @@ pub struct Contribution {
     pub emitter: LightId,
     /// Labels of the vertices; empty where nothing is kept by class.
     pub class: PathClass,
+    /// Scattering vertices from the light on: first and one past the last among the events of
+    /// the sample. None of merged paths, and where nothing is kept by class.
+    pub events: [u32; 2],
 }
 
 impl Contribution {

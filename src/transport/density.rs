@@ -386,19 +386,25 @@ impl PathView<'_> {
         (0..self.len()).filter(|&i| self.is_dispersive(i)).count()
     }
 
+    /// Label of x_i.
+    #[must_use]
+    pub fn label(&self, i: usize) -> Label {
+        let s = self.s();
+        if i + 1 == s {
+            self.edge.light_label
+        } else if i == s {
+            self.edge.camera_label
+        } else if i < s {
+            self.light[i].label
+        } else {
+            self.camera[self.len() - 1 - i].label
+        }
+    }
+
     /// Whether x_i carries a specular label.
     #[must_use]
     pub fn is_specular(&self, i: usize) -> bool {
-        let s = self.s();
-        if i + 1 == s {
-            self.edge.light_label.is_specular()
-        } else if i == s {
-            self.edge.camera_label.is_specular()
-        } else if i < s {
-            self.light[i].label.is_specular()
-        } else {
-            self.camera[self.len() - 1 - i].label.is_specular()
-        }
+        self.label(i).is_specular()
     }
 
     /// Whether x_i is dispersive.

@@ -4,8 +4,8 @@ use super::context::PathContext;
 use super::density::{Column, EdgeDensity, NO_COLUMN, VertexDensity};
 use super::regularize::{Cone, SpecularKernel, specular_kernel};
 use super::throughput::Throughput;
-use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Lobe, Side};
-use crate::geometry::{EndPoint, SurfaceId};
+use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Label, Lobe, Side};
+use crate::geometry::{EndPoint, InstanceId, SurfaceId};
 use crate::light::LightId;
 use crate::math::frame::Frame;
 use crate::medium::{MediumId, MediumStack};
@@ -153,6 +153,8 @@ pub struct LightHit {
 /// A light sub-path's arrival at a detector.
 #[derive(Clone, Debug)]
 pub struct SensorHit {
+    /// The detector: which sensor of the scene, by index.
+    pub sensor: usize,
     /// Number of scattering vertices before.
     pub depth: usize,
     /// The point on the detector, as an end point.
@@ -171,6 +173,15 @@ pub struct SensorHit {
     pub density: VertexDensity,
     /// Weight up to and including the arrival.
     pub throughput: Throughput,
+}
+
+/// A scattering vertex of a whole path: how it scatters, and where.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// Label.
+    pub label: Label,
+    /// The surface.
+    pub surface: InstanceId,
 }
 
 /// A sub-path's escape from the scene. Its density (per solid angle) is the last one of the
@@ -254,6 +265,11 @@ impl Subpath {
         self.sensor_hits.clear();
         self.escape = None;
         self.densities.push(VertexDensity::new(pdf));
+    }
+
+    /// Arrivals at one detector of the scene, from the light on.
+    pub fn hits_of(&self, sensor: usize) -> impl Iterator<Item = &SensorHit> {
+        self.sensor_hits.iter().filter(move |h| h.sensor == sensor)
     }
 
     /// Of two things, the one `before` a vertex and the one `after` it on this sub-path, that of

@@ -105,9 +105,10 @@ pub fn walk(
             gathered.retain(|face| {
                 let object = scene.object(face.point.id.instance);
                 if object.transparent_sensor {
-                    if object.sensor == Some(context.sensor) && generate == Side::Camera {
+                    if let (Some(sensor), Side::Camera) = (object.sensor, generate) {
                         record_sensor_hit(
                             context,
+                            sensor,
                             path,
                             &face.point,
                             ray.d,
@@ -158,9 +159,9 @@ pub fn walk(
         let object = scene.object(point.id.instance);
         let entering = ray.d.dot(point.ng) < 0.0;
         if let Some(sensor) = object.sensor {
-            if sensor == context.sensor && generate == Side::Camera {
+            if generate == Side::Camera {
                 record_sensor_hit(
-                    context, path, &point, ray.d, distance, &stack, &travel, throughput,
+                    context, sensor, path, &point, ray.d, distance, &stack, &travel, throughput,
                 );
             }
             return;
@@ -329,10 +330,11 @@ fn finish_previous(
     path.densities[index].other_column = column;
 }
 
-/// Notes a light sub-path's arrival at the detector that is being rendered.
+/// Notes a light sub-path's arrival at a detector, be it the one that is being rendered or not.
 #[allow(clippy::too_many_arguments)]
 fn record_sensor_hit(
     context: &PathContext,
+    sensor: usize,
     path: &mut Subpath,
     point: &SurfacePoint,
     direction: DVec3,
@@ -341,9 +343,8 @@ fn record_sensor_hit(
     travel: &Departure,
     throughput: Throughput,
 ) {
-    let sensor = &context.scene.sensors[context.sensor];
-    let Some((raster, importance)) = sensor.camera.arrive(point, -direction, context.moment())
-    else {
+    let camera = &context.scene.sensors[sensor].camera;
+    let Some((raster, importance)) = camera.arrive(point, -direction, context.moment()) else {
         return;
     };
     let own = travel.area_density(direction.dot(point.ng).abs(), distance * distance);
@@ -351,6 +352,7 @@ fn record_sensor_hit(
     density.own_column = path.store_column(&own);
     density.length = distance as f32;
     path.sensor_hits.push(SensorHit {
+        sensor,
         depth: path.vertices.len(),
         x_sensor: EndPoint::on(point),
         raster,

@@ -105,6 +105,13 @@ fn rough_and_dispersive_glass_takes_no_memory() {
 }
 
 #[test]
+fn coated_lenses_take_no_memory() {
+    let coated = [("lens.achromat.coating", "MgF2")];
+    let run = of_samples("through_focus.toml", &coated, None, false);
+    assert_eq!(run.allocations, 0);
+}
+
+#[test]
 fn things_that_move_take_no_memory() {
     let cone = Some(Cone::new(0.05));
     assert_eq!(

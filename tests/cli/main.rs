@@ -1,6 +1,7 @@
 //! Runs the `abbe` program: exit codes, messages, files, interrupts, merging.
 
 mod beginning;
+mod bench;
 mod develop;
 #[cfg(unix)]
 mod interrupts;

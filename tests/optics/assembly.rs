@@ -57,6 +57,37 @@ fn every_lens_of_the_repository_stands_in_a_scene() {
 }
 
 #[test]
+fn edges_of_glass_are_black_or_as_told() {
+    let ground = "edge = \"ground\"\n[material.ground]\ndiffuse = { reflectance = 0.6 }";
+    for (file, edge) in [("achromat.zmx", ""), ("achromat.zmx", ground)] {
+        let description = scene(&format!("file = \"{file}\"\nbarrel = 14\n{edge}"));
+        let materials = |word: &str| -> Vec<bool> {
+            let objects = description.objects.iter();
+            let named = objects.filter(|o| o.name.contains(word));
+            let black = description
+                .objects
+                .iter()
+                .find(|o| o.name.contains("barrel"));
+            let black = black.expect("a barrel").material;
+            named.map(|o| o.material != black).collect()
+        };
+        let told = !edge.is_empty();
+        assert_eq!(materials("edge of"), [told]);
+        // the first surface holds the group in its barrel
+        assert_eq!(materials("flange of"), [told]);
+    }
+    let clear = "file = \"achromat.zmx\"\nedge = \"clear\"\n[material.clear]\ndielectric = {}";
+    let text = format!(
+        "[[sensor]]\ndetector = {{ center = [0, 0, 1], u = [-1, 0, 0], v = [0, 1, 0] }}\n[[lens]]\n{clear}\n"
+    );
+    let fault = parse_str(&text, &folder()).unwrap_err().to_string();
+    assert!(
+        fault.contains("edge lets light through (allowed: an opaque material)"),
+        "{fault}"
+    );
+}
+
+#[test]
 fn coatings_lie_between_air_and_glass_with_their_first_layer_in_air() {
     let description = scene(
         "file = \"achromat.zmx\"\ncoating = [{ eta = 1.38, thickness_nm = 100 }, { eta = 2, \

@@ -87,6 +87,38 @@ fn a_lens_is_shown_and_drawn() {
 }
 
 #[test]
+fn ghosts_are_listed_by_power() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = super::root().join("scenes/lenses/double_gauss.zmx");
+    let file = file.to_str().unwrap();
+    let run = |more: &[&str]| {
+        let arguments = ["lens", file, "--fields", "0,10", "--ghosts", "4"];
+        let output = abbe(folder.path(), &[&arguments[..], more].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    let power = |field: &Value| field["power"].as_f64().unwrap();
+    let bare: Value = serde_json::from_str(&run(&["--json"])).unwrap();
+    let coated: Value = serde_json::from_str(&run(&["--json", "--coating", "broadband"])).unwrap();
+    for i in 0..2 {
+        let field = &bare["ghosts"][i];
+        let powers: Vec<f64> = field["ghosts"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(power)
+            .collect();
+        assert!(
+            powers.len() == 4 && powers.is_sorted_by(|a, b| a >= b),
+            "{powers:?}"
+        );
+        assert!(powers.iter().sum::<f64>() < power(field));
+        assert!(power(&coated["ghosts"][i]) < 0.2 * power(field));
+    }
+    assert!(run(&[]).contains("reflected by"));
+}
+
+#[test]
 fn glasses_are_found_by_other_names_and_in_folders() {
     let folder = tempfile::tempdir().unwrap();
     for (name, part) in [

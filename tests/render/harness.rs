@@ -3,12 +3,11 @@
 use abbe::film::Crop;
 use abbe::io::scene_file::parse_str;
 use abbe::math::hash::combine;
-use abbe::render::{OutputRequest, Render};
+use abbe::render::{OutputRequest, PathExpression, Render};
 use abbe::scene::settings::{IntegratorKind, Regularize};
 use abbe::scene::{Scene, Settings};
 use abbe::spectrum::SpectralChannels;
 use rayon::prelude::*;
-use regex::Regex;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -119,9 +118,12 @@ pub fn measure(
     passes: u32,
     classes: &[&str],
 ) -> Measured {
-    let classes: Vec<Regex> = classes
+    let classes: Vec<PathExpression> = classes
         .iter()
-        .map(|c| Regex::new(&format!("^{c}$")).expect("invariant: tests give valid expressions"))
+        .map(|c| {
+            PathExpression::new(&format!("^{c}$"), scene)
+                .expect("invariant: tests give valid expressions")
+        })
         .collect();
     let all: Vec<Batch> = (0..batches)
         .into_par_iter()
@@ -165,7 +167,7 @@ fn one_batch(
     settings: &Settings,
     batch: u32,
     passes: u32,
-    classes: &[Regex],
+    classes: &[PathExpression],
 ) -> Batch {
     let settings = Settings {
         seed: combine(settings.seed, u64::from(batch) + 1),

@@ -4,10 +4,15 @@
 use crate::harness::{Estimate, line_images, measure, scene_in, with};
 use abbe::io::lens;
 use abbe::io::scene_file::parse_str;
-use abbe::optics::{Event, Prescription, Ray, System};
+use abbe::optics::analysis::Beams;
+use abbe::optics::ghosts::{Ghost, ghosts, route};
+use abbe::optics::{
+    Aperture, Event, FieldKind, Medium, Passage, Prescription, Profile, Ray, Surface, System,
+    SystemAperture, stacks,
+};
 use abbe::scene::Scene;
 use abbe::scene::settings::IntegratorKind;
-use abbe::spectrum::Library;
+use abbe::spectrum::{Library, xyz};
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
@@ -314,7 +319,10 @@ surface = [
 beam = { position = [0, 0, -5], direction = [0, 0, 1], radius = 0.2, irradiance = 1 }
 "#;
     let (scene, settings) = scene_in(&lenses(), text);
-    let found = measure(&scene, &settings, 16, 8, &["LSSE", "LSSSSE"]);
+    let classes = ["LSSE", "LSSSSE", "L T(1) T(2) E", "L T(1) R(2) R(1) T(2) E"];
+    let found = measure(&scene, &settings, 16, 8, &classes);
+    let [direct, ghost, by_name, ghost_by_name] = [0, 1, 2, 3].map(|i| found.classes[i].mean);
+    assert_eq!([direct, ghost], [by_name, ghost_by_name]);
     let index = Library::embedded()
         .ior("schott:N-SF66")
         .expect("known")
@@ -325,8 +333,118 @@ beam = { position = [0, 0, -5], direction = [0, 0, 1], radius = 0.2, irradiance 
     ratio.assert_is("ghost over direct light", reflectance * reflectance, 0.01);
 }
 
-/// A lamp through a lens with a cemented surface, an asphere, a stop, and an air gap of 1 um: from
-/// the lamp, from the detector and by both the same.
+/// Mean Y over a square of half edge `half_mm` that gets this share of a beam of radius `radius_mm`
+/// and irradiance 1.
+fn mean_y(share: f64, radius_mm: f64, half_mm: f64) -> f64 {
+    share * PI * radius_mm * radius_mm / (4.0 * half_mm * half_mm) * xyz::cmf(D_NM)[1] / xyz::N_Y
+}
+
+/// Light through a coated achromat: by the characteristic matrix at each surface, and Beer's law.
+#[test]
+fn coated_lens_transmits_what_its_trace_does() {
+    let text = r#"
+unit = "mm"
+[render]
+integrator = "light"
+max_depth = 3
+wavelengths = { line_nm = 587.5618 }
+[[sensor]]
+resolution = [64, 64]
+detector = { center = [0, 0, 100], u = [-10, 0, 0], v = [0, 10, 0] }
+[[lens]]
+file = "achromat.zmx"
+coating = "MgF2"
+[[light]]
+beam = { position = [0, 0, -5], direction = [0, 0, 1], radius = 10, irradiance = 1 }
+"#;
+    let (scene, settings) = scene_in(&lenses(), text);
+    let found = measure(&scene, &settings, 32, 2, &["L T(1) T(2) T(3) E"]);
+    let mut lens = read("achromat.zmx");
+    let transmission = |lens: &Prescription| {
+        let beams = Beams::new(lens, D_NM);
+        let t = beams.mean_transmission([0.0; 2], 24).expect("arrives");
+        t.surfaces * t.media
+    };
+    let bare = transmission(&lens);
+    let mgf2 = stacks::named("MgF2", Library::embedded()).expect("a library");
+    lens.coat(&mgf2.expect("a coating"));
+    let coated = transmission(&lens);
+    // far more than the standard error: a coating left out would be seen
+    assert!(coated > bare + 0.04, "{coated} {bare}");
+    found.classes[0].assert_is("coated", mean_y(coated, 10.0, 10.0), 1e-3);
+}
+
+/// Every ghost of two lenses of dense flint by itself, against real rays along its route.
+#[test]
+fn ghosts_have_the_power_of_their_routes() {
+    let rows = [(60.0, 3.0), (-200.0, 4.0), (-50.0, 2.0), (80.0, 40.0)];
+    let ior = Library::embedded().ior("schott:N-SF66").expect("known");
+    let media = [Medium::new(ior), Medium::air()];
+    let aperture = Aperture::circle(10.0);
+    let surfaces = rows.iter().enumerate().map(|(i, &(radius, thickness))| {
+        let medium = media[i % 2].clone();
+        Surface::new(Profile::sphere(radius), aperture.clone(), thickness, medium)
+    });
+    let image = Surface::new(Profile::PLANE, Aperture::OPEN, 0.0, Medium::air());
+    let lens = Prescription {
+        name: String::new(),
+        notes: Vec::new(),
+        wavelengths: Prescription::default_wavelengths(),
+        primary: 1,
+        aperture: SystemAperture::EntrancePupil(8.0),
+        field_kind: FieldKind::AngleDeg,
+        fields: vec![[0.0; 2]],
+        object_distance: None,
+        object_medium: Medium::air(),
+        surfaces: surfaces.chain([image]).collect(),
+        stop: 0,
+    };
+    let expected = ghosts(&lens, D_NM, [0.0; 2], 40);
+    assert_eq!(expected.len(), 6);
+    let of_route = |ghost: &Ghost| {
+        let passages = route(&lens, ghost.surfaces);
+        let passages = passages.iter().filter(|p| p.surface < 4);
+        let name =
+            |p: &Passage| format!("{}({})", if p.reflects { "R" } else { "T" }, p.surface + 1);
+        format!("L {} E", passages.map(name).collect::<String>())
+    };
+    let names: Vec<String> = expected.iter().map(of_route).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let table: Vec<String> = rows
+        .iter()
+        .enumerate()
+        .map(|(i, (radius, thickness))| {
+            let glass = ["glass = \"schott:N-SF66\", ", ""][i % 2];
+            format!("{{ radius = {radius}, thickness = {thickness}, {glass}semi_diameter = 10 }}")
+        })
+        .collect();
+    let text = GHOSTS.replace("SURFACES", &table.join(",\n"));
+    let (scene, settings) = scene_in(&lenses(), &text);
+    let found = measure(&scene, &settings, 16, 4, &names);
+    for ((ghost, name), found) in expected.iter().zip(&names).zip(&found.classes) {
+        found.assert_is(name, mean_y(ghost.power, 4.0, 40.0), 0.02);
+    }
+}
+
+const GHOSTS: &str = r#"
+unit = "mm"
+[render]
+integrator = "light"
+max_depth = 10
+wavelengths = { line_nm = 587.5618 }
+[[sensor]]
+resolution = [128, 128]
+detector = { center = [0, 0, 49], u = [-40, 0, 0], v = [0, 40, 0] }
+[[lens]]
+surface = [
+SURFACES
+]
+[[light]]
+beam = { position = [0, 0, -5], direction = [0, 0, 1], radius = 4, irradiance = 1 }
+"#;
+
+/// A lamp through a lens with a cemented surface, an asphere, a stop, ground edges, and an air gap
+/// of 1 um: from the lamp, from the detector and by both the same.
 #[test]
 fn integrators_agree_behind_a_lens() {
     let text = r#"
@@ -336,8 +454,11 @@ max_depth = 6
 [[sensor]]
 resolution = [8, 8]
 detector = { center = [1, 0, 24], u = [-4, 0, 0], v = [0, 4, 0] }
+[material.ground]
+diffuse = { reflectance = 0.6 }
 [[lens]]
 barrel = 8
+edge = "ground"
 surface = [
     { radius = 20, thickness = 4, glass = "schott:N-BK7", semi_diameter = 7 },
     { radius = -22, thickness = 2, glass = "schott:SF5", semi_diameter = 7 },
@@ -354,6 +475,16 @@ emission = { name = "D65", luminance = 1 }
     let (scene, settings) = scene_in(&lenses(), text);
     let of = |integrator, passes| measure(&scene, &with(&settings, integrator), 16, passes, &[]).y;
     let path = of(IntegratorKind::Path, 128);
+    // camera sub-paths toward the last surface: the same light, with less noise
+    let aim = "v = [0, 4, 0], aim = { target = [0, 0, 9], radius = 6 } }";
+    let (aimed, settings) = scene_in(&lenses(), &text.replace("v = [0, 4, 0] }", aim));
+    for integrator in [IntegratorKind::Path, IntegratorKind::Bdpt] {
+        let aimed = measure(&aimed, &with(&settings, integrator), 16, 128, &[]).y;
+        println!("path {path:?}, aimed {integrator:?} {aimed:?}");
+        // a share of 0.14 of the cosine hemisphere is seen 6.6 times as often
+        assert!(aimed.error < 0.7 * path.error, "{path:?} {aimed:?}");
+        assert!(path.deviation(&aimed) < 4.5, "{path:?} {aimed:?}");
+    }
     for integrator in [IntegratorKind::Light, IntegratorKind::Bdpt] {
         let other = of(integrator, 512);
         println!("path {path:?}, {integrator:?} {other:?}");

@@ -26,4 +26,5 @@ mod motion;
 mod regularized;
 mod scale;
 mod session;
+mod together;
 mod weights;

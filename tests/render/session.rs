@@ -49,7 +49,7 @@ const TILES: u64 = 6;
 fn all_films() -> OutputRequest {
     OutputRequest {
         strategies: true,
-        classes: vec![Regex::new("^L.*D.*E$").unwrap()],
+        classes: vec![Regex::new("^L.*D.*E$").unwrap().into()],
         shares: true,
         class_table: true,
         ..OutputRequest::default()

@@ -1,4 +1,4 @@
-//! The options of `abbe compare`, `banding` and `merge`.
+//! The options of `abbe compare`, `spot`, `banding` and `merge`.
 
 use super::Overrides;
 use super::values;
@@ -48,6 +48,30 @@ impl ColorLines {
             axis: self.axis,
         }
     }
+}
+
+/// Options of `abbe spot`.
+#[derive(Debug, Args)]
+pub struct SpotOptions {
+    /// The image of a detector: EXR of a render, or NAME.spectral.exr for each line by itself
+    #[arg(value_name = "IMAGE")]
+    pub image: PathBuf,
+    /// Pixels that are measured, X0 <= x < X1, Y0 <= y < Y1; all otherwise
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = values::crop)]
+    pub window: Option<Crop>,
+    /// Takes the mean of the outermost pixels of the window from all of it
+    #[arg(long)]
+    pub background: bool,
+    /// Spatial frequencies of the modulation transfer in cycles per millimeter; ten up to half the
+    /// sampling frequency otherwise
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::positive, allow_negative_numbers = true)]
+    pub frequencies: Vec<f64>,
+    /// Draws encircled energy and modulation transfer
+    #[arg(long, value_name = "SVG")]
+    pub drawing: Option<PathBuf>,
+    /// Prints JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Options of `abbe banding`.

@@ -23,6 +23,10 @@ pub struct LensOptions {
     /// Coats every surface between air and glass: MgF2, V-coat or broadband
     #[arg(long, value_name = "NAME")]
     pub coating: Option<String>,
+    /// Also lists the N most powerful ghosts of two reflections of each field, at the primary
+    /// wavelength
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "10", value_parser = clap::value_parser!(u16).range(1..))]
+    pub ghosts: Option<u16>,
     /// Folder of glass catalogs (.agf, .yml, .toml), more than once if needed; ABBE_GLASS_PATH
     /// otherwise
     #[arg(long, value_name = "FOLDER")]

@@ -15,7 +15,7 @@ mod view;
 
 pub use beginning::{CompletionsOptions, ManOptions, NewOptions, Template};
 pub use develop::DevelopOptions;
-pub use images::{BandingOptions, CompareOptions, MergeOptions};
+pub use images::{BandingOptions, CompareOptions, MergeOptions, SpotOptions};
 pub use job::{CollectOptions, JobCommand, JobOptions, NewJobOptions, RunOptions, StatusOptions};
 pub use lens::{GlassOptions, LensOptions};
 pub use overrides::Overrides;
@@ -67,6 +67,8 @@ pub enum Command {
     Cost(Box<CostOptions>),
     /// Measures how far an image is from a reference
     Compare(CompareOptions),
+    /// Measures the spots in an image of a detector: power, centroid, radius, encircled energy, MTF
+    Spot(SpotOptions),
     /// Makes a picture of an image or part: exposure, tone curve, white balance, gamut of the
     /// display
     Develop(Box<DevelopOptions>),
@@ -206,10 +208,12 @@ mod tests {
     fn layers_are_named_or_classes() {
         let options = render(&["--aov", "error,class:^LS+DE$,depth"]).unwrap();
         assert!(
-            matches!(&options.aov[..], [Layer::Error, Layer::Class(r), Layer::Depth] if r.is_match("LSSDE"))
+            matches!(&options.aov[..], [Layer::Error, Layer::Class(class), Layer::Depth] if class == "^LS+DE$")
         );
         assert!(render(&["--aov", "noise"]).is_err());
         assert!(render(&["--aov", "class:("]).is_err());
+        assert!(render(&["--aov", "class:L T(1) R(x) E"]).is_err());
+        assert!(render(&["--aov", "direct,ghosts,class:L T(1) R(\"back\") E"]).is_ok());
     }
 
     #[test]

@@ -77,6 +77,10 @@ pub struct RenderOptions {
     /// Renders only this sensor
     #[arg(long, value_name = "NAME")]
     pub sensor: Option<String>,
+    /// Fills all detectors by one set of light sub-paths (with the integrator light): five planes
+    /// cost one render. The pixels of the largest say how many a pass has
+    #[arg(long, conflicts_with_all = ["sensor", "crop"])]
+    pub together: bool,
     /// Renders only the pixels X0 <= x < X1, Y0 <= y < Y1
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = values::crop)]
     pub crop: Option<Crop>,
@@ -86,8 +90,9 @@ pub struct RenderOptions {
     /// Writes no PNG preview
     #[arg(long)]
     pub no_preview: bool,
-    /// Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo,
-    /// class:REGEX (such as class:^LS+DE$), separated by commas
+    /// Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo, direct,
+    /// ghosts, class:REGEX (such as class:^LS+DE$ or class:'^L T(1) R(2) R(1) T(2) E$'), separated
+    /// by commas
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = Layer::from_str)]
     pub aov: Vec<Layer>,
     /// Also writes NAME.spectral.exr, with BINS channels over the range of wavelengths and one for

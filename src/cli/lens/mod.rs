@@ -118,7 +118,7 @@ pub fn run(options: &LensOptions) -> Result<Outcome, CliError> {
     for path in outputs.into_iter().flatten() {
         claims.output(path)?;
     }
-    let report = report::Report::new(&lens);
+    let report = report::Report::new(&lens, options.ghosts.map(usize::from));
     let printed = print(&if options.json {
         report.json()
     } else {

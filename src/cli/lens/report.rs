@@ -1,11 +1,15 @@
 //! The numbers of a lens as a table and as JSON.
 
 use crate::optics::analysis::{Beams, RINGS, Spot, Transmission};
+use crate::optics::ghosts::{self, Ghost};
 use crate::optics::paraxial::Paraxial;
 use crate::optics::seidel::{self, Seidel};
 use crate::optics::{FieldKind, FirstOrder, Interaction, Prescription};
 use serde_json::json;
 use std::fmt::Write as _;
+
+/// Rings of the rays of ghosts: 469 rays.
+const GHOST_RINGS: u32 = 12;
 
 /// The spot of one field at one wavelength; radii in millimeters, about the centroid.
 pub struct SpotData {
@@ -29,12 +33,14 @@ pub struct Report<'a> {
     pub focus: [f64; 2],
     /// Per field at the primary wavelength.
     transmission: Vec<Option<Transmission>>,
+    /// Per field, where they are asked for: power of all ghosts, and the most powerful.
+    ghosts: Option<Vec<(f64, Vec<Ghost>)>>,
 }
 
 impl<'a> Report<'a> {
-    /// Computes them.
+    /// Computes them, the `ghosts` most powerful ghosts of each field among them.
     #[must_use]
-    pub fn new(lens: &'a Prescription) -> Self {
+    pub fn new(lens: &'a Prescription, ghosts: Option<usize>) -> Self {
         let first = |nm: f64| Paraxial::new(lens, nm).first_order();
         let first_order: Vec<FirstOrder> = lens.wavelengths.iter().map(|w| first(w.nm)).collect();
         let beams: Vec<Beams> = lens
@@ -69,6 +75,15 @@ impl<'a> Report<'a> {
             focus: [paraxial, best_focus(&spots, lens)],
             spots,
             transmission,
+            ghosts: ghosts.map(|most| {
+                let of = |&field: &[f64; 2]| {
+                    let mut all = ghosts::ghosts(lens, lens.primary_nm(), field, GHOST_RINGS);
+                    let power = all.iter().map(|g| g.power).sum();
+                    all.truncate(most);
+                    (power, all)
+                };
+                lens.fields.iter().map(of).collect()
+            }),
         }
     }
 
@@ -121,6 +136,7 @@ impl<'a> Report<'a> {
             "chromatic_focal_shift": self.first_order.iter().map(shift).collect::<Vec<_>>(),
             "focus": { "paraxial": self.focus[0], "best": self.focus[1] },
             "spots": self.spots.iter().map(spot).collect::<Vec<_>>(),
+            "ghosts": self.ghosts.as_ref().map(|fields| lens.fields.iter().zip(fields).map(ghosts_json).collect::<Vec<_>>()),
             "transmission": lens.fields.iter().zip(&self.transmission).map(transmission).collect::<Vec<_>>(),
         });
         format!("{value:#}\n")
@@ -262,8 +278,44 @@ impl<'a> Report<'a> {
                 None => writeln!(text, "  {field:<17} no ray arrives"),
             };
         }
+        for (field, (power, ghosts)) in lens.fields.iter().zip(self.ghosts.iter().flatten()) {
+            text += &ghosts_table(lens, *field, *power, ghosts);
+        }
         text
     }
+}
+
+fn ghosts_table(lens: &Prescription, [x, y]: [f64; 2], power: f64, ghosts: &[Ghost]) -> String {
+    let mut text = format!(
+        "\nGhosts of field {x} {y} at {:.4} nm: {power:.3e} of the power of the beam in all\n",
+        lens.primary_nm()
+    );
+    text += "  reflected by         power   rays, %    x, mm        y, mm        rms radius, mm\n";
+    for ghost in ghosts {
+        let [first, second] = ghost.surfaces.map(|i| i + 1);
+        let c = ghost.centroid;
+        _ = writeln!(
+            text,
+            "  {:<14} {:>12.5e} {:>8.2} {:>12.5} {:>12.5} {:>12.5}",
+            format!("{first}, then {second}"),
+            ghost.power,
+            100.0 * ghost.rays,
+            c.x,
+            c.y,
+            ghost.rms
+        );
+    }
+    text
+}
+
+fn ghosts_json((field, (power, ghosts)): (&[f64; 2], &(f64, Vec<Ghost>))) -> serde_json::Value {
+    let ghost = |g: &Ghost| {
+        json!({
+            "surfaces": g.surfaces.map(|i| i + 1), "power": g.power, "rays": g.rays,
+            "centroid": g.centroid.to_array(), "rms": g.rms,
+        })
+    };
+    json!({ "field": field, "power": power, "ghosts": ghosts.iter().map(ghost).collect::<Vec<_>>() })
 }
 
 /// Where the spots of all fields, each about the centroid of its wavelengths, are smallest

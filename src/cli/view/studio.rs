@@ -418,7 +418,8 @@ impl Studio {
         let bins = (SPECTRAL_BYTES / 64 / pixels).min(BINS) as u16;
         let options = SessionOptions {
             sensor,
-            outputs: layers::request(loaded, &[], (bins > 2).then_some(bins), false),
+            outputs: layers::request(loaded, &[], (bins > 2).then_some(bins), false)
+                .map_err(CliError::Usage)?,
             cancel: cancel.clone(),
             live: true,
             ..SessionOptions::default()

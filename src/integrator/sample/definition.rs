@@ -120,7 +120,7 @@ impl<'a> Finished<'a> {
                 x_sensor = light
                     .sensor_hits
                     .iter()
-                    .find(|h| h.depth + 2 == s)
+                    .find(|h| h.sensor == sensor && h.depth + 2 == s)
                     .unwrap()
                     .x_sensor;
             }
@@ -262,7 +262,8 @@ impl<'a> Finished<'a> {
         let next = direction.area_density(self.cos(1, self.forward(0)), self.d2(0));
         pf[1] = [next * if n == 2 { self.hittable() } else { 1.0 }; MAX_LANES];
 
-        let (position, direction) = camera.density(-self.forward(n - 2), self.scene.moment());
+        let (position, direction) =
+            camera.density(self.x_sensor.p, -self.forward(n - 2), self.scene.moment());
         pr[n - 1] = [position; MAX_LANES];
         let to_light = match light.hit_measure() {
             HitMeasure::Area => self.cos(0, self.forward(0)) / self.d2(0),

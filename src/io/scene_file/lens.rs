@@ -7,6 +7,7 @@ use super::keys::{
 };
 use super::medium::{library_index, validated};
 use super::motion::Motion;
+use super::object::MaterialUse;
 use super::reader::Reader;
 use super::transform::Steps;
 use super::value::{At, FileName, GlassName, Name, items};
@@ -209,6 +210,9 @@ keys! {
         coating: Option<At<Coating>>, or "none";
         /// Radius of a black tube around the lens that holds its elements and stops.
         barrel: Option<f64>, in POSITIVE, unit "mm", or "none";
+        /// Opaque material of the edges and flanges of its glass, such as a diffuse one of ground
+        /// glass.
+        edge: Option<MaterialUse>, or "black";
         /// Steps that place it, applied in order.
         transform: Steps;
         /// Motion after that.
@@ -221,6 +225,8 @@ keys! {
 pub struct PlacedLens {
     name: String,
     assembly: LensAssembly,
+    /// Material of its edges; `None`: black.
+    edge: Option<MaterialId>,
     to_world: DAffine3,
     motion: Vec<Link>,
 }
@@ -239,7 +245,8 @@ impl PlacedLens {
             }
         };
         let black = MaterialId(cx.black);
-        self.assembly.add_to(scene, &self.name, black, place);
+        let opaque = [black, self.edge.unwrap_or(black)];
+        self.assembly.add_to(scene, &self.name, opaque, place);
     }
 }
 
@@ -267,10 +274,17 @@ impl Build for LensKeys {
                 from_table(self.surface, &at, coating.as_ref(), self.barrel, cx)?
             }
         };
+        let edge = self.edge.and_then(|e| e.facts);
+        if edge.as_ref().is_some_and(|e| e.is_dielectric) {
+            let message = "edge lets light through (allowed: an opaque material)";
+            cx.conflict(&table.span("edge"), message);
+            return None;
+        }
         let name = self.name.map(|n| n.value.0);
         let placed = PlacedLens {
             name: String::new(),
             assembly,
+            edge: edge.map(|e| e.id),
             to_world,
             motion: self.motion.0,
         };

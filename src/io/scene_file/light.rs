@@ -1,8 +1,10 @@
 //! `[[light]]`: lights that are no surfaces. Directions point the way the light travels.
 
+use super::aim::{AimKeys, Disk};
 use super::document::Node;
 use super::keys::{
-    Build, Built, Form, Given, Keys, POSITIVE, Range, Spec, Table, Value, first_given, keys,
+    Build, Built, Form, Given, Keys, NON_NEGATIVE, POSITIVE, Range, Spec, Table, Value,
+    first_given, keys,
 };
 use super::motion::Motion;
 use super::object::MediumUse;
@@ -18,12 +20,15 @@ use crate::light::spot::{Falloff, SpotLight};
 use crate::medium::MediumId;
 use crate::scene::Subject;
 use crate::scene::description::LightDescription;
-use crate::spectrum::Emission;
-use glam::DVec3;
+use crate::spectrum::{Emission, SensorResponse};
+use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
 /// The image of an environment that is built in.
 const STUDIO: &str = "builtin:studio";
+/// Sine of the angle between a beam and `up` below which they are one.
+const LEAST_SINE: f64 = 1e-9;
+const FIELD: Range = Range::closed(-89.0, 89.0, "-89 to 89 degrees");
 const HALF_ANGLE: Range = Range::above(0.0, 180.0, "above 0, at most 180 degrees");
 
 keys! {
@@ -33,6 +38,10 @@ keys! {
         position: Point;
         /// Radiant intensity.
         intensity: Emitted, unit "W/(sr nm)";
+        /// Power in all, 360 to 830 nm and all lines, to which `intensity` is scaled.
+        power_w: Option<f64>, in NON_NEGATIVE, unit "W";
+        /// The same in lumens.
+        power_lm: Option<f64>, in NON_NEGATIVE, unit "lm";
     }
 }
 
@@ -40,9 +49,47 @@ impl Build for PointKeys {
     type Output = Light;
 
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Light> {
+        let light = Light::point(self.position.0, self.intensity.0);
+        let light = powered(light, [self.power_w, self.power_lm], table, cx);
         table.sound(cx)?;
-        Some(Light::point(self.position.0, self.intensity.0))
+        Some(light)
     }
+}
+
+/// The light scaled to a power in watts or in lumens, where one is given.
+fn powered(
+    mut light: Light,
+    [watts, lumens]: [Option<f64>; 2],
+    table: &Table<'_>,
+    cx: &mut Reader<'_>,
+) -> Light {
+    let Some(factor) = light.own_flux_factor() else {
+        return light;
+    };
+    let (key, per_unit) = match (watts, lumens) {
+        (None, None) => return light,
+        (Some(_), Some(_)) => {
+            let message = "power_w and power_lm exclude each other";
+            cx.conflict(&table.span("power_lm"), message);
+            return light;
+        }
+        (Some(watts), None) => ("power_w", watts / factor),
+        (None, Some(lumens)) => {
+            let unit = SensorResponse::Xyz.photometric_unit();
+            ("power_lm", lumens / factor / unit)
+        }
+    };
+    let own = std::mem::take(&mut light.emission);
+    light.emission = if watts.is_some() {
+        own.with_power(per_unit)
+    } else {
+        own.with_luminance(per_unit)
+    };
+    if per_unit > 0.0 && light.emission.largest() == 0.0 {
+        let message = format!("{key} of a light whose spectrum has none");
+        cx.conflict(&table.span(key), message);
+    }
+    light
 }
 
 keys! {
@@ -51,13 +98,19 @@ keys! {
         /// Where it is.
         position: Point;
         /// Axis of the cone.
-        direction: Direction;
+        direction: Option<Direction>, or "with `aim` none";
         /// Half-angle from which on it is dark.
-        outer_deg: f64, in HALF_ANGLE, unit "degrees";
+        outer_deg: Option<f64>, in HALF_ANGLE, unit "degrees", or "with `aim` none";
         /// Half-angle up to which it shines fully, at most `outer_deg`.
         inner_deg: Option<f64>, in HALF_ANGLE, unit "degrees", or "`outer_deg`";
+        /// In place of `direction` and angles: the cone that just covers a disk, such as a stop.
+        aim: Option<Given<AimKeys>>;
         /// Radiant intensity within `inner_deg`.
         intensity: Emitted, unit "W/(sr nm)";
+        /// Power in all, 360 to 830 nm and all lines, to which `intensity` is scaled.
+        power_w: Option<f64>, in NON_NEGATIVE, unit "W";
+        /// The same in lumens.
+        power_lm: Option<f64>, in NON_NEGATIVE, unit "lm";
     }
 }
 
@@ -65,19 +118,43 @@ impl Build for SpotKeys {
     type Output = Light;
 
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Light> {
-        let (outer, inner) = (self.outer_deg, self.inner_deg.unwrap_or(self.outer_deg));
+        let position = self.position.0;
+        let (direction, outer, inner) = match (self.aim, self.direction, self.outer_deg) {
+            (Some(Given(aim)), None, None) if self.inner_deg.is_none() => {
+                let Disk { target, radius_m } = aim?;
+                let way = target - position;
+                if way == DVec3::ZERO {
+                    cx.conflict(
+                        &table.span("aim"),
+                        "the light is in the middle of what it aims at",
+                    );
+                    return None;
+                }
+                let angle = radius_m.atan2(way.length()).to_degrees();
+                (way, angle, angle)
+            }
+            (None, Some(direction), Some(outer)) => {
+                (direction.0, outer, self.inner_deg.unwrap_or(outer))
+            }
+            _ => {
+                let message = "spot needs direction and outer_deg, or aim alone";
+                cx.conflict(&table.at, message);
+                return None;
+            }
+        };
         if inner > outer {
             let message = "inner_deg is larger than outer_deg";
             cx.conflict(&table.span("inner_deg"), message);
         }
-        table.sound(cx)?;
         let cone = SpotLight {
             cone_rad: outer.to_radians(),
             falloff_start_rad: inner.to_radians(),
             falloff: Falloff::SmoothStep,
         };
-        let (position, direction) = (self.position.0, self.direction.0);
-        Some(Light::spot(position, direction, self.intensity.0, cone))
+        let light = Light::spot(position, direction, self.intensity.0, cone);
+        let light = powered(light, [self.power_w, self.power_lm], table, cx);
+        table.sound(cx)?;
+        Some(light)
     }
 }
 
@@ -109,22 +186,64 @@ keys! {
         direction: Direction;
         /// Radius of the circle.
         radius: Length, in POSITIVE;
-        /// Irradiance of a surface at right angles to the light.
+        /// Irradiance of a surface at right angles to the light, on the axis of the beam.
         irradiance: Emitted, unit "W/(m² nm)";
+        /// Distance from the axis at which the irradiance of a Gaussian beam is 1/e² of that on it.
+        waist: Option<Length>, in POSITIVE, or "uniform";
+        /// Way of the light from the circle in which it starts to `position`, such as the center of
+        /// an entrance pupil inside a lens.
+        before: Option<Length>, in NON_NEGATIVE, or "0";
+        /// Several beams, each turned by so much from `direction` toward `up`, about `position`.
+        fields_deg: Option<Vec<f64>>, in FIELD, unit "degrees", or "one, not turned";
+        /// With `fields_deg`: where positive fields go.
+        up: Option<Direction>, or "[0, 1, 0]";
+        /// Power of each beam, 360 to 830 nm and all lines, to which `irradiance` is scaled.
+        power_w: Option<f64>, in NON_NEGATIVE, unit "W";
+        /// The same in lumens.
+        power_lm: Option<f64>, in NON_NEGATIVE, unit "lm";
     }
 }
 
 impl Build for BeamKeys {
-    type Output = Light;
+    /// With the field of each in degrees, where fields are given.
+    type Output = Vec<(Option<f64>, Light)>;
 
-    fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Light> {
+    fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Self::Output> {
+        let along = self.direction.0;
+        let up = self.up.map_or(DVec3::Y, |up| up.0);
+        let across = along.cross(up);
+        let fields = match &self.fields_deg {
+            None => vec![None],
+            Some(fields) => fields.iter().copied().map(Some).collect(),
+        };
+        if fields.is_empty() {
+            cx.conflict(&table.span("fields_deg"), "fields_deg is empty");
+        }
+        if self.fields_deg.is_some() && across.length() < LEAST_SINE {
+            let message = "up is along direction (allowed: a direction across it)";
+            let key = if self.up.is_some() { "up" } else { "direction" };
+            cx.conflict(&table.span(key), message);
+            return None;
+        }
+        if self.up.is_some() && self.fields_deg.is_none() {
+            cx.conflict(&table.span("up"), "up is for fields_deg only");
+        }
+        let mut lights = Vec::new();
+        for field in fields {
+            let direction = field.map_or(along, |deg| {
+                DQuat::from_axis_angle(across.normalize(), deg.to_radians()) * along
+            });
+            let position = self.position.0 - self.before.map_or(0.0, |b| b.0) * direction;
+            let emission = self.irradiance.0.clone();
+            let mut light = Light::beam(position, direction, emission, self.radius.0);
+            if let Some(waist) = self.waist {
+                light = light.with_waist(waist.0);
+            }
+            let light = powered(light, [self.power_w, self.power_lm], table, cx);
+            lights.push((field, light));
+        }
         table.sound(cx)?;
-        Some(Light::beam(
-            self.position.0,
-            self.direction.0,
-            self.irradiance.0,
-            self.radius.0,
-        ))
+        Some(lights)
     }
 }
 
@@ -197,30 +316,38 @@ keys! {
 }
 
 impl Build for LightKeys {
-    type Output = (Option<String>, Light, Option<MediumId>);
+    /// Name, lights of it with the field of each, and medium.
+    type Output = (Option<String>, Vec<(Option<f64>, Light)>, Option<MediumId>);
 
     fn build(self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Self::Output> {
         table.exactly_one(&LIGHTS, "light", cx)?;
-        let light = first_given([
-            self.point.map(|g| g.0),
-            self.spot.map(|g| g.0),
-            self.directional.map(|g| g.0),
+        let one = |light: Option<Light>| light.map(|light| vec![(None, light)]);
+        let lights = first_given([
+            self.point.map(|g| one(g.0)),
+            self.spot.map(|g| one(g.0)),
+            self.directional.map(|g| one(g.0)),
             self.beam.map(|g| g.0),
-            self.environment.map(|g| g.0),
+            self.environment.map(|g| one(g.0)),
         ])??;
-        let is_uniform = light.as_environment().is_some_and(|e| e.image.is_none());
-        if is_uniform && table.get("motion").is_some() {
+        let is_uniform = |light: &Light| light.as_environment().is_some_and(|e| e.image.is_none());
+        if lights.iter().any(|(_, l)| is_uniform(l)) && table.get("motion").is_some() {
             let message =
                 "an environment without an image is the same from everywhere: it cannot move";
             cx.conflict(&first_item(table, "motion"), message);
         }
         table.sound(cx)?;
-        let light = if self.motion.0.is_empty() {
-            light
-        } else {
-            light.under(&self.motion.0, cx.shutter.unwrap_or_default())
+        let shutter = cx.shutter.unwrap_or_default();
+        let moved = |(field, light): (Option<f64>, Light)| {
+            let moves = !self.motion.0.is_empty();
+            let light = if moves {
+                light.under(&self.motion.0, shutter)
+            } else {
+                light
+            };
+            (field, light)
         };
-        Some((self.name.map(|n| n.0), light, self.medium.map(|m| m.0)))
+        let lights = lights.into_iter().map(moved).collect();
+        Some((self.name.map(|n| n.0), lights, self.medium.map(|m| m.0)))
     }
 }
 
@@ -243,19 +370,23 @@ impl Value for Lights {
     fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
         let mut lights = Vec::new();
         for (i, item) in items(node, "an array", cx)?.into_iter().enumerate() {
-            let Some(Built((name, light, medium))) = Built::<LightKeys>::read(item, spec, cx)
+            let Some(Built((name, several, medium))) = Built::<LightKeys>::read(item, spec, cx)
             else {
                 continue;
             };
-            let subject = Subject::Light(lights.len());
-            cx.named_media.extend(medium.map(|m| (subject, m)));
-            lights.push(At {
-                value: LightDescription {
-                    name: name.unwrap_or_else(|| format!("light {i}")),
-                    light,
-                },
-                at: item.span(),
-            });
+            let name = name.unwrap_or_else(|| format!("light {i}"));
+            for (field, light) in several {
+                let subject = Subject::Light(lights.len());
+                cx.named_media.extend(medium.map(|m| (subject, m)));
+                let name = match field {
+                    None => name.clone(),
+                    Some(deg) => format!("{name}, field {deg}"),
+                };
+                lights.push(At {
+                    value: LightDescription { name, light },
+                    at: item.span(),
+                });
+            }
         }
         Some(Self(lights))
     }

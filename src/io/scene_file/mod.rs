@@ -5,6 +5,7 @@
 //! meshes included. Each file is read once: bytes, hash, contents. `docs/scene-files.md` is the
 //! reference of every key.
 
+mod aim;
 mod coating;
 mod document;
 mod error;

@@ -86,7 +86,7 @@ const SHAPES: [&str; 6] = ["sphere", "disk", "quad", "cylinder", "box", "mesh"];
 pub struct MaterialUse {
     name: String,
     /// `None` where its definition is wrong.
-    facts: Option<MaterialFacts>,
+    pub facts: Option<MaterialFacts>,
 }
 
 impl Value for MaterialUse {

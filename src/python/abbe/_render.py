@@ -111,7 +111,7 @@ def render(
         ``(x0, y0, x1, y1)``: the pixels x0 <= x < x1, y0 <= y < y1 alone.
     layers
         Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo,
-        class:REGEX.
+        direct, ghosts, class:REGEX.
     spectral
         Bins of a spectral image; True for 47. Emission lines have channels of their own.
     threads

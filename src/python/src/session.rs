@@ -109,7 +109,7 @@ impl Session {
         let options = SessionOptions {
             sensor: loaded.sensor(sensor).map_err(value_error)?,
             crop: crop.map(|(x0, y0, x1, y1)| Crop { x0, y0, x1, y1 }),
-            outputs: layers::request(&loaded, &layers, spectral, false),
+            outputs: layers::request(&loaded, &layers, spectral, false).map_err(value_error)?,
             passes: Some(passes),
             stop: StopRules { time, target_error },
             cancel: cancel.clone(),

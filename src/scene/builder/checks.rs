@@ -143,6 +143,12 @@ fn light(light: &Light) -> Checked {
                 is_positive(radius),
                 format!("radius {radius} m (allowed: above 0)"),
             )?;
+            if let Some(waist) = beam.waist_m {
+                require(
+                    is_positive(waist),
+                    format!("waist {waist} m (allowed: above 0)"),
+                )?;
+            }
         }
         LightKind::Spot(spot) => {
             let (inner, outer) = (spot.falloff_start_rad, spot.cone_rad);

@@ -185,15 +185,21 @@ impl<'a> Builder<'a> {
         match aperture.outline {
             Outline::Open => {}
             Outline::Circle { radius } => {
-                self.ring(name, at, aperture.center, [radius, outer]);
+                self.ring(name, at, aperture.center, [radius, outer], Role::Black);
             }
             Outline::Annulus {
                 inner,
                 outer: radius,
             } => {
-                self.ring(name.clone(), at, aperture.center, [radius, outer]);
+                self.ring(
+                    name.clone(),
+                    at,
+                    aperture.center,
+                    [radius, outer],
+                    Role::Black,
+                );
                 if inner > 0.0 {
-                    self.ring(name, at, aperture.center, [0.0, inner]);
+                    self.ring(name, at, aperture.center, [0.0, inner], Role::Black);
                 }
             }
             Outline::Rectangle { half } => {
@@ -220,13 +226,20 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// A flat black ring about a point of the plane z = 0 of a map; nothing if it has no width.
-    fn ring(&mut self, name: String, at: DAffine3, center: DVec2, [inner, outer]: [f64; 2]) {
+    /// A flat ring about a point of the plane z = 0 of a map; nothing if it has no width.
+    fn ring(
+        &mut self,
+        name: String,
+        at: DAffine3,
+        center: DVec2,
+        [inner, outer]: [f64; 2],
+        role: Role,
+    ) {
         if inner < outer {
             let map = DMat3::from_diagonal(DVec3::splat(outer));
             let to_lens = at * DAffine3::from_mat3_translation(map, center.extend(0.0));
             let inner = inner / outer;
-            self.add(name, Shape::Disk { inner }, to_lens, Role::Black);
+            self.add(name, Shape::Disk { inner }, to_lens, role);
         }
     }
 
@@ -332,7 +345,7 @@ impl<'a> Builder<'a> {
                     let map = DMat3::from_cols(along, DVec3::Z * height, normal);
                     let place = center.extend(middle) + normal * half[axis];
                     let map = at * DAffine3::from_mat3_translation(map, place);
-                    self.add(name.clone(), Shape::Quad, map, Role::Black);
+                    self.add(name.clone(), Shape::Quad, map, Role::Edge);
                 }
             }
             return Ok(());
@@ -352,14 +365,14 @@ impl<'a> Builder<'a> {
             if outer > rims[k].radius {
                 let at = at * DAffine3::from_translation(DVec3::Z * z);
                 let name = format!("flange of surface {}", i + 1);
-                self.ring(name, at, center, [rims[k].radius, outer]);
+                self.ring(name, at, center, [rims[k].radius, outer], Role::Edge);
             }
         }
         if high > low {
             let size = DVec3::new(radius, radius, (high - low) / 2.0);
             let place = center.extend((low + high) / 2.0);
             let map = DAffine3::from_mat3_translation(DMat3::from_diagonal(size), place);
-            self.add(name, Shape::Cylinder, at * map, Role::Black);
+            self.add(name, Shape::Cylinder, at * map, Role::Edge);
         }
         Ok(())
     }

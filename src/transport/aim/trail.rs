@@ -2,7 +2,7 @@
 
 use super::tries::Origin;
 use super::{Bounce, Far, MAX_CHAIN, differential, is_solvable, surface::Surface};
-use crate::geometry::{EndPoint, SurfaceId, SurfacePoint};
+use crate::geometry::{EndPoint, InstanceId, SurfaceId, SurfacePoint};
 use crate::light::LightKind;
 use crate::medium::MediumId;
 use crate::scene::chains::{ChainKind, ChainLink};
@@ -72,6 +72,11 @@ impl Trail<'_> {
             Some(place) => *place,
             None => (&self.camera[self.camera.len() - 1 - (i - self.chain.len())]).into(),
         }
+    }
+
+    /// The surface of scattering vertex i.
+    pub(in crate::transport) fn surface(&self, i: usize) -> InstanceId {
+        self.place(i).id.instance
     }
 
     fn len(&self) -> usize {

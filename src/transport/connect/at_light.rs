@@ -237,10 +237,8 @@ impl Joiner<'_> {
         }
     }
 
-    /// (1, 1) on a detector: its point is connected straight to a light. `weight` is
-    /// [`CameraSample::weight`].
-    ///
-    /// [`CameraSample::weight`]: crate::camera::CameraSample::weight
+    /// (1, 1) on a detector: its point is connected straight to a light. `weight` is that of the
+    /// point, `W_e` over its density.
     pub fn direct_to_detector(&mut self, camera: &Subpath, weight: f64) {
         if !self.wants(1, 1) || !self.strategies.hittable_sensor {
             return;
@@ -256,13 +254,12 @@ impl Joiner<'_> {
         }
         self.counters.connections_tried += 1;
         let sensor = &self.context.scene.sensors[self.context.sensor];
-        let (_, direction) = sensor.camera.density(w, self.context.moment());
+        let (_, direction) = sensor.camera.density(x_sensor.p, w, self.context.moment());
         let across = EdgeDensity::uniform(direction.area_density(1.0, 1.0));
         let start = EndStart::new(camera.densities[0].own, Departure::Scattered(across));
         let receiver = Receiver::Area { cos };
         let end = End {
-            // the sample's weight is W_e π / pdf: without the π of its direction it is W_e / pdf
-            weight: Throughput::splat(weight / std::f64::consts::PI),
+            weight: Throughput::splat(weight),
             cos,
             ..End::start(&start, x_sensor, camera.start_stack(), receiver)
         };

@@ -38,6 +38,7 @@ fn merged(lanes: [f64; MAX_LANES], j: usize) -> Contribution {
         aimed: None,
         emitter: LightId(0),
         class: PathClass::new(),
+        events: [0; 2],
     }
 }
 

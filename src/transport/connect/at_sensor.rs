@@ -34,7 +34,9 @@ impl Joiner<'_> {
     fn join_sensor(&mut self, light: &End, drawn: &SensorConnection) {
         let (x_sensor, toward) = (drawn.xk, drawn.toward);
         let sensor = &self.context.scene.sensors[self.context.sensor];
-        let (_, direction) = sensor.camera.density(-toward, self.context.moment());
+        let (_, direction) = sensor
+            .camera
+            .density(x_sensor.p, -toward, self.context.moment());
         let start = EndStart::new(drawn.pdf_xk, Departure::Start(direction));
         let receiver = Receiver::of_sensor(self.strategies.hittable_sensor, &x_sensor, toward);
         let camera = End {
@@ -120,9 +122,10 @@ impl Joiner<'_> {
         }
         self.counters.connections_tried += 1;
         let sensor = &self.context.scene.sensors[self.context.sensor];
-        let (pdf_xk, direction_density) = sensor
-            .camera
-            .density(hit.toward_previous, self.context.moment());
+        let (pdf_xk, direction_density) =
+            sensor
+                .camera
+                .density(hit.x_sensor.p, hit.toward_previous, self.context.moment());
         // x_{k-1}: the last light vertex, or x₀
         let (before, direct) = match hit.depth.checked_sub(1) {
             Some(i) => {

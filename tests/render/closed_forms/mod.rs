@@ -15,3 +15,4 @@ mod imaging;
 mod interface;
 mod mirrors;
 mod radiometry;
+mod sources;

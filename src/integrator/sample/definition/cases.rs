@@ -2,6 +2,7 @@
 
 use super::check;
 use crate::camera::CameraKind;
+use crate::camera::detector::Aim;
 use crate::camera::perspective::ThinLens;
 use crate::geometry::Mesh;
 use crate::light::Light;
@@ -260,6 +261,10 @@ fn densities_by_definition_of_every_kind_of_light() {
         ("spot", Light::spot(position, aim, white(9.0), cone)),
         ("directional", Light::directional(aim, white(1.0))),
         ("beam", Light::beam(position, along, white(9.0), 0.4)),
+        (
+            "Gaussian beam",
+            Light::beam(position, along, white(9.0), 0.4).with_waist(0.3),
+        ),
         ("environment", sky()),
     ];
     for (name, light) in lights {
@@ -278,7 +283,16 @@ fn densities_by_definition_of_parallel_projection() {
 
 #[test]
 fn densities_by_definition_at_detectors() {
-    for (name, transparent) in [("detector", false), ("transparent detector", true)] {
+    let aim = Aim {
+        center: DVec3::new(-0.1, 0.9, 0.2),
+        normal: DVec3::new(0.2, -0.9, 0.1).normalize(),
+        radius_m: 0.6,
+    };
+    for (name, transparent, aim) in [
+        ("detector", false, None),
+        ("transparent detector", true, None),
+        ("aimed detector", false, Some(aim)),
+    ] {
         let mut parts = Parts::new().balls(partly()).light(sky());
         parts.settings.max_depth = Some(5);
         let center = [0.2, 0.05, 0.3];
@@ -286,6 +300,7 @@ fn densities_by_definition_at_detectors() {
         let sensor = parts.scene.detector("main", [8; 2], center, u, v);
         if let CameraKind::Detector(detector) = &mut sensor.camera.kind {
             detector.transparent = transparent;
+            detector.aim = aim;
         }
         let seen = check(name, parts.built(), 60, 1.0);
         for strategy in [(0, 2), (1, 1), (2, 0), (4, 0), (3, 1), (2, 2)] {

@@ -191,7 +191,7 @@ impl Joiner<'_> {
                 let sensor = &self.context.scene.sensors[self.context.sensor];
                 let moment = self.context.moment();
                 let drawn = sensor.camera.sample_connection(p, u, moment, ends.margin)?;
-                let (_, direction) = sensor.camera.density(-w, moment);
+                let (_, direction) = sensor.camera.density(drawn.xk.p, -w, moment);
                 Some(Reached {
                     weight: Throughput::splat(drawn.importance * length * length),
                     across: Departure::Start(direction),

@@ -1,0 +1,106 @@
+//! Companions of a render: detectors that its light sub-paths fill as well, so that several planes
+//! of one bench cost one render.
+
+use super::{ClassTable, Outputs, Render, SessionError};
+use crate::integrator::{Companion, SensorJob};
+use crate::scene::settings::IntegratorKind;
+
+impl Render {
+    /// The detectors that its light sub-paths fill as well. Their films hold the same passes as its
+    /// own. Rays are counted with this render alone; a companion counts one path per pixel and
+    /// pass, so that sums over it are divided as those of any render are.
+    #[must_use]
+    pub fn companions(&self) -> &[Self] {
+        &self.companions
+    }
+
+    /// This render, then its companions.
+    pub fn and_companions(&self) -> impl Iterator<Item = &Self> {
+        std::iter::once(self).chain(&self.companions)
+    }
+
+    /// Adds detectors to be filled, before the first pass.
+    pub(super) fn add_companions(&mut self, sensors: &[usize]) -> Result<(), SessionError> {
+        for &sensor in sensors {
+            let (index, count) = (sensor, self.scene.sensors.len());
+            if index >= count {
+                return Err(SessionError::Sensor { index, count });
+            }
+            if let Some(reason) = self.refusal(sensor) {
+                let name = |sensor: usize| self.scene.sensors[sensor].name.clone();
+                return Err(SessionError::Companion {
+                    lead: name(self.sensor),
+                    name: name(sensor),
+                    reason,
+                });
+            }
+            let crop = self.scene.sensors[sensor].whole_film();
+            let (scene, settings, request) = (&self.scene, &self.settings, &self.request);
+            let companion = Self::new(scene, sensor, settings, crop, request);
+            self.companions.push(companion);
+        }
+        Ok(())
+    }
+
+    /// Why the light sub-paths cannot fill a sensor.
+    fn refusal(&self, sensor: usize) -> Option<&'static str> {
+        let sensors = &self.scene.sensors;
+        let (ours, theirs) = (&sensors[self.sensor], &sensors[sensor]);
+        if self.settings.integrator != IntegratorKind::Light {
+            Some("only light tracing can (render.integrator = \"light\")")
+        } else if self.and_companions().any(|r| r.sensor == sensor) {
+            Some("they are one")
+        } else if !ours.camera.is_hittable() || !theirs.camera.is_hittable() {
+            Some("both must be detectors")
+        } else if ours.shutter != theirs.shutter {
+            Some("their shutters differ")
+        } else {
+            None
+        }
+    }
+
+    /// The companions of a pass.
+    pub(super) fn companions_of<'a>(&'a self, lead: &SensorJob, pass: u32) -> Vec<Companion<'a>> {
+        let companion = |render: &'a Self| {
+            let job = render.frame();
+            let settings = render.settings_of(&job, pass);
+            Companion::new(job, settings, lead, &self.crop)
+        };
+        self.companions.iter().map(companion).collect()
+    }
+
+    /// Films of this render and of its companions.
+    pub(super) fn films(&self) -> Vec<&Outputs> {
+        self.and_companions().map(|r| &r.outputs).collect()
+    }
+
+    /// Moves films of a pass into its own and those of its companions.
+    pub(super) fn take(&mut self, films: &mut [Outputs]) {
+        let renders = std::iter::once(&mut self.outputs);
+        let companions = self.companions.iter_mut().map(|r| &mut r.outputs);
+        for (outputs, film) in renders.chain(companions).zip(films) {
+            outputs.take(film);
+        }
+    }
+
+    /// Counts a pass that the companions' films hold.
+    pub(super) fn count_companions(
+        &mut self,
+        pass: u32,
+        mut tables: impl Iterator<Item = ClassTable>,
+    ) {
+        for companion in &mut self.companions {
+            companion.passes.push(pass);
+            companion.counters.paths += companion.crop.pixels();
+            companion.table.merge(tables.next().unwrap_or_default());
+        }
+    }
+
+    /// Estimated relative error of the image, or of the companion's that has the largest. Images
+    /// that are black have none.
+    #[must_use]
+    pub fn largest_error(&self) -> Option<f64> {
+        let errors = self.and_companions().filter_map(|r| r.error());
+        errors.map(|e| e.relative).reduce(f64::max)
+    }
+}

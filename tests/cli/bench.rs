@@ -1,0 +1,151 @@
+//! An optical bench on the command line: planes that share light paths, the flux in the images,
+//! spots.
+
+use super::{assert_same, fail, json, succeed};
+use abbe::io::exr::{self, MetadataValue};
+use tempfile::TempDir;
+
+const BENCH: &str = r#"
+unit = "mm"
+[render]
+spp = 16
+integrator = "light"
+wavelengths = { lines_nm = [486.1327, 656.2725] }
+[[sensor]]
+name = "near"
+resolution = [24, 24]
+detector = { center = [0, 0, 20], u = [-6, 0, 0], v = [0, 6, 0], transparent = true }
+[[sensor]]
+name = "far"
+resolution = [32, 32]
+detector = { center = [0, 0, 30], u = [-4, 0, 0], v = [0, 4, 0] }
+[[lens]]
+surface = [
+    { radius = 60, thickness = 2, glass = "schott:N-SF66", semi_diameter = 10 },
+    { radius = -60, semi_diameter = 10 },
+]
+[[light]]
+beam = { position = [1, 0, -5], direction = [0, 0, 1], radius = 4, irradiance = 1 }
+"#;
+
+fn bench() -> TempDir {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    std::fs::write(folder.path().join("bench.toml"), BENCH).expect("writes");
+    folder
+}
+
+#[test]
+fn planes_share_light_paths_and_tell_their_flux() {
+    let dir = bench();
+    let ghost = "class:^LT(1)R(2)R(1)T(2)E$";
+    let options = format!("--aov direct,ghosts,{ghost} --spectral 1");
+    let stdout = succeed(
+        dir.path(),
+        &format!("render bench.toml --together {options} --stats bench.json"),
+    );
+    assert!(
+        stdout.contains("lm of direct") && stdout.contains("W at 486.1327 nm"),
+        "{stdout}"
+    );
+    // the one with most pixels leads
+    succeed(
+        dir.path(),
+        &format!("render bench.toml --sensor far -o alone.exr -q {options}"),
+    );
+    assert_same(&dir, "alone.exr", "bench.far.exr");
+    let stats = json(&String::from_utf8_lossy(&super::bytes(&dir, "bench.json")));
+    for (i, name) in ["far", "near"].into_iter().enumerate() {
+        let image = exr::read(&dir.path().join(format!("bench.{name}.exr"))).expect("an image");
+        let flux = |of: &str| match image.metadata.get(of) {
+            Some(MetadataValue::Text(text)) => text.clone(),
+            other => panic!("{of}: {other:?}"),
+        };
+        let value = |of: &str| -> f64 {
+            let text = flux(of);
+            let number = text.split(' ').next().and_then(|n| n.parse().ok());
+            number.unwrap_or_else(|| panic!("{text}"))
+        };
+        assert!(
+            flux("flux").contains(" lm, standard error "),
+            "{}",
+            flux("flux")
+        );
+        let (all, direct, ghosts) = (value("flux"), value("flux:class0"), value("flux:class1"));
+        assert!(direct > 0.0 && ghosts > 0.0 && value("flux:class2") > 0.0);
+        assert!(
+            ((direct + ghosts) / all - 1.0).abs() < 1e-9,
+            "{all} {direct} {ghosts}"
+        );
+        let told = &stats["sensors"][i]["flux"];
+        assert_eq!(told["luminous_lm"]["value"].as_f64(), Some(all));
+        assert_eq!(told["classes_lm"][1]["value"].as_f64(), Some(ghosts));
+        assert_eq!(told["classes_lm"][2]["class"], ghost["class:".len()..]);
+        let spectral = dir.path().join(format!("bench.{name}.spectral.exr"));
+        let spectral = exr::read(&spectral).expect("an image");
+        let red = spectral.metadata.get("flux:656.2725nm");
+        assert!(matches!(red, Some(MetadataValue::Text(t)) if t.contains(" W, standard error ")));
+    }
+    for (arguments, code, part) in [
+        ("--together --integrator bdpt", 1, "only light tracing can"),
+        ("--together --sensor far", 2, "cannot be used with"),
+        (
+            "--aov class:^LT(3)E$",
+            2,
+            "no lens of the scene has a surface 3",
+        ),
+        (
+            "--aov class:^LR(\"lid\")E$",
+            2,
+            "there is no object \"lid\"",
+        ),
+        ("--aov ghosts --integrator vcm", 2, "without photons"),
+    ] {
+        let message = fail(dir.path(), &format!("render bench.toml {arguments}"), code);
+        assert!(message.contains(part), "{arguments}: {message}");
+    }
+}
+
+#[test]
+fn spots_are_measured_line_by_line() {
+    let dir = bench();
+    succeed(
+        dir.path(),
+        "render bench.toml --sensor far -o far.exr --spectral 1 -q --spp 64",
+    );
+    let spots = succeed(dir.path(), "spot far.spectral.exr --drawing spot.svg");
+    assert!(
+        spots.contains("486.1327 nm") && spots.contains("656.2725 nm"),
+        "{spots}"
+    );
+    let svg = super::text(&super::bytes(&dir, "spot.svg"));
+    assert!(
+        svg.starts_with("<svg") && svg.matches("<polyline").count() == 6,
+        "{svg}"
+    );
+    let found = json(&succeed(
+        dir.path(),
+        "spot far.spectral.exr --json --frequencies 0.5,1",
+    ));
+    let spot = |i: usize| &found["spots"][i];
+    let number = |i: usize, key: &str| spot(i)[key].as_f64().expect("a number");
+    // the beam is off the axis by 1 mm, red is bent less: farther from the axis, and larger
+    let x = |i: usize| spot(i)["centroid"][0].as_f64().expect("a number");
+    assert!(
+        x(0).abs() < x(1).abs() && number(0, "rms") < number(1, "rms"),
+        "{found:#}"
+    );
+    // both lines have the same power but for Fresnel's losses, of 65 536 paths
+    assert!((number(0, "power") / number(1, "power") - 1.0).abs() < 0.05);
+    let whole = json(&succeed(
+        dir.path(),
+        "spot far.exr --json --window 0,0,32,32",
+    ));
+    assert_eq!(whole["power_unit"], "lm");
+    let message = fail(dir.path(), "spot far.exr --window 0,0,33,2", 2);
+    assert!(
+        message.contains("reaches beyond an image of 32 x 32 pixels"),
+        "{message}"
+    );
+    let message = fail(dir.path(), "spot far.exr --frequencies 900", 1);
+    assert!(message.contains("too wide for 900 cycles"), "{message}");
+}
