@@ -44,7 +44,7 @@ const CRATES: [(&str, &[&str]); 20] = [
     ),
     (
         "exr",
-        &["io/exr.rs", "io/exr_header.rs", "io/image_file/open_exr.rs"],
+        &["io/exr.rs", "io/exr_blocks.rs", "io/image_file/open_exr.rs"],
     ),
     ("tobj", &["io/mtl/statements.rs"]),
     ("png", &["io/png.rs", "io/image_file/png.rs"]),

@@ -5,6 +5,7 @@
 //! (0,1), (0,0) with white (1/3,1/3) say that the numbers are XYZ.
 
 use super::atomic::{FileError, write_atomic};
+use super::exr_blocks;
 use super::exr_header::sort_attributes;
 use super::files::read_regular;
 use super::identity::PIXEL_ASPECT;
@@ -335,6 +336,7 @@ pub(super) fn decode(path: &Path, bytes: &[u8], max_samples: u64) -> Result<ExrI
             limit: max_samples,
         });
     }
+    exr_blocks::check(bytes).map_err(|e| format_error(path, &e))?;
     let file = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()

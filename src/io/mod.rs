@@ -6,6 +6,7 @@ pub mod atomic;
 pub mod convert;
 pub mod destination;
 pub mod exr;
+mod exr_blocks;
 mod exr_header;
 pub(crate) mod files;
 pub mod glass;

@@ -6,6 +6,7 @@
 
 use super::primaries::{Primaries, xyz_to_linear_srgb};
 use super::{Decoded, Encoding, Limits, MAX_TEXELS_PER_BYTE, check_size, floats};
+use crate::io::exr_blocks;
 use exr::meta::MetaData;
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
@@ -43,6 +44,7 @@ pub fn decode(bytes: &[u8], encoding: Encoding, limits: Limits) -> Result<Decode
             "claims {samples} samples in {there} bytes: truncated or damaged"
         ));
     }
+    exr_blocks::check(bytes).map_err(text)?;
     let file = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
