@@ -16,7 +16,8 @@ use std::f64::consts::PI;
 /// Share of the directions that are drawn toward the disk of an [`Aim`].
 const AIMED: f64 = 0.9;
 
-/// A disk at rest that most light comes through, such as the exit pupil of the lens before a film.
+/// A disk at rest that most light comes through, such as the rear element of the lens before a
+/// film.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aim {
     /// Center.

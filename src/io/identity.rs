@@ -34,6 +34,7 @@ fn wavelengths_name(settings: &WavelengthSettings) -> String {
         WavelengthChoice::Scene => format!("scene, {low}..{high} nm"),
         WavelengthChoice::Uniform => format!("uniform, {low}..{high} nm"),
         WavelengthChoice::Visible => format!("visible, {low}..{high} nm"),
+        WavelengthChoice::Even => format!("even, {low}..{high} nm"),
         WavelengthChoice::Lines(lines) => {
             let lines: Vec<String> = lines.iter().map(f64::to_string).collect();
             format!("lines {} nm", lines.join(", "))

@@ -26,7 +26,7 @@ impl BeamLight {
     pub fn flux_factor(&self) -> f64 {
         let square = self.radius_m * self.radius_m;
         match self.waist_m {
-            None => PI * square,
+            None => PI * self.radius_m * self.radius_m,
             Some(waist) => 0.5 * PI * waist * waist * -(-2.0 * square / (waist * waist)).exp_m1(),
         }
     }

@@ -70,6 +70,8 @@ pub enum WavelengthChoice {
     Uniform,
     /// By the observer alone (x̄+ȳ+z̄).
     Visible,
+    /// Uniform over the range, and each emission line of the scene as often as any other.
+    Even,
     /// Exactly these lines, in nanometres.
     Lines(Vec<f64>),
 }

@@ -210,6 +210,22 @@ impl WavelengthDistribution {
         Self::from_masses(self.range_nm, all.into_iter())
     }
 
+    /// The same distribution, its atoms as probable as each other and in all as before.
+    #[must_use]
+    pub fn with_equal_atoms(&self) -> Self {
+        let count = self.atoms().count() as f64;
+        let share: f64 = self.atoms().map(|(_, p)| p).sum();
+        let mass = |p: &Piece| {
+            if p.is_atom() {
+                share / count
+            } else {
+                p.probability
+            }
+        };
+        let all = self.pieces.iter().map(|p| (p.low_nm, p.high_nm, mass(p)));
+        Self::from_masses(self.range_nm, all)
+    }
+
     /// Atoms only, equally probable, at these wavelengths (nanometers, at least one; repetitions
     /// count once).
     #[must_use]
@@ -508,6 +524,20 @@ mod tests {
         }
         // 546 nm against 365 nm: by power, with the floor below.
         assert!(d.density(546.0735) > 10.0 * d.density(365.0153));
+    }
+
+    #[test]
+    fn equal_atoms_keep_their_share() {
+        let d = mixed();
+        let even = d.with_equal_atoms();
+        let share = |d: &WavelengthDistribution| d.atoms().map(|a| a.1).sum::<f64>();
+        assert!((share(&even) - share(&d)).abs() < 1e-12);
+        let each = share(&d) / 11.0;
+        assert!(even.atoms().all(|(_, p)| (p - each).abs() < 1e-12));
+        assert!((even.density(600.25) / d.density(600.25) - 1.0).abs() < 1e-12);
+        // without lines nothing changes
+        let smooth = WavelengthDistribution::uniform(RANGE).with_equal_atoms();
+        assert!((smooth.density(500.0) * 470.0 - 1.0).abs() < 1e-12);
     }
 
     #[test]

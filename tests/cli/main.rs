@@ -187,7 +187,7 @@ fn misuse_is_explained() {
         ),
         (
             "render scene.toml --wavelengths blue",
-            "expected scene, uniform, visible, A..B or a list of wavelengths in nm",
+            "expected scene, uniform, visible, even, A..B or a list of wavelengths in nm",
         ),
         ("render scene.toml --resume", "--part <FILE>"),
         (

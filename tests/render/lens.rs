@@ -383,7 +383,7 @@ fn ghosts_have_the_power_of_their_routes() {
     let aperture = Aperture::circle(10.0);
     let surfaces = rows.iter().enumerate().map(|(i, &(radius, thickness))| {
         let medium = media[i % 2].clone();
-        Surface::new(Profile::sphere(radius), aperture.clone(), thickness, medium)
+        Surface::new(Profile::sphere(radius), aperture, thickness, medium)
     });
     let image = Surface::new(Profile::PLANE, Aperture::OPEN, 0.0, Medium::air());
     let lens = Prescription {

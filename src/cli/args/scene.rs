@@ -66,7 +66,7 @@ pub struct RenderOptions {
     /// Reconstruction filter
     #[arg(long, value_enum, value_name = "NAME")]
     pub filter: Option<FilterKind>,
-    /// Wavelengths to draw: scene, uniform, visible, a range A..B, or a list of lines such as
+    /// Wavelengths to draw: scene, uniform, visible, even, a range A..B, or a list of lines such as
     /// 486.1,587.6 (nm)
     #[arg(long, value_name = "SPEC", value_parser = values::wavelengths)]
     pub wavelengths: Option<String>,

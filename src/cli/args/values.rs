@@ -218,7 +218,7 @@ pub(super) fn size(text: &str) -> Result<u64, String> {
 
 /// The value of `render.wavelengths` that says the same.
 pub(super) fn wavelengths(text: &str) -> Result<String, String> {
-    if ["scene", "uniform", "visible"].contains(&text) {
+    if ["scene", "uniform", "visible", "even"].contains(&text) {
         return Ok(text.to_owned());
     }
     if let Some((a, b)) = text.split_once("..")
@@ -227,8 +227,9 @@ pub(super) fn wavelengths(text: &str) -> Result<String, String> {
         return Ok(format!("{{ range_nm = [{a:?}, {b:?}] }}"));
     }
     let lines: Result<Vec<f64>, String> = text.split(',').map(finite).collect();
-    let wrong =
-        |_| "expected scene, uniform, visible, A..B or a list of wavelengths in nm".to_owned();
+    let wrong = |_| {
+        "expected scene, uniform, visible, even, A..B or a list of wavelengths in nm".to_owned()
+    };
     lines
         .map(|lines| format!("{{ lines_nm = {lines:?} }}"))
         .map_err(wrong)

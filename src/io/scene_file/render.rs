@@ -105,6 +105,7 @@ named! {
         Scene = "scene": "By what the emitters send to the eye",
         Uniform = "uniform": "All alike",
         Visible = "visible": "By the observer's sensitivity",
+        Even = "even": "All alike, and emission lines alike",
     }
 }
 
@@ -114,6 +115,7 @@ impl WavelengthName {
             Self::Scene => WavelengthChoice::Scene,
             Self::Uniform => WavelengthChoice::Uniform,
             Self::Visible => WavelengthChoice::Visible,
+            Self::Even => WavelengthChoice::Even,
         };
         WavelengthSettings { choice, range_nm }
     }

@@ -266,8 +266,8 @@ keys! {
         pitch: Option<Length>, in POSITIVE;
         /// Whether light goes on behind it.
         transparent: bool, default false;
-        /// A disk that most light comes through, such as the exit pupil of the lens before a film:
-        /// nine of ten camera sub-paths go there.
+        /// A disk that most light comes through, such as the rear element of the lens before a
+        /// film: nine of ten camera sub-paths go there.
         aim: Option<Given<AimKeys>>, or "none";
     }
 }

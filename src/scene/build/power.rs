@@ -95,6 +95,10 @@ pub(super) fn distribution(
         WavelengthChoice::Uniform => {
             WavelengthDistribution::uniform(settings.range_nm).with_atoms_of(&scene)
         }
+        WavelengthChoice::Even => {
+            let lines = scene.with_equal_atoms();
+            WavelengthDistribution::uniform(settings.range_nm).with_atoms_of(&lines)
+        }
         WavelengthChoice::Visible => {
             WavelengthDistribution::visible(settings.range_nm).with_atoms_of(&scene)
         }
