@@ -175,7 +175,7 @@ fn misuse_is_explained() {
         ),
         (
             "render scene.toml --aov noise",
-            "expected error, strategies, regularized, unbiased, bias, depth, normal, albedo or class:REGEX",
+            "expected error, strategies, regularized, unbiased, bias, depth, normal, albedo, direct, ghosts or class:REGEX",
         ),
         (
             "render scene.toml --sensor eye",
