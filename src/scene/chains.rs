@@ -2,7 +2,8 @@
 //!
 //! A chain runs from the light to the sensor and names each surface, whether it reflects or
 //! transmits, and the media on both sides of it. Listed are single mirrors and interfaces, balls
-//! crossed in one or two chords, reflections around the inside of a mirror, and flat faces in a row.
+//! crossed in one or two chords, reflections around the inside of a mirror, and flat faces in a
+//! row.
 
 use super::{Scene, probe};
 use crate::geometry::{AccelAt, InstanceId, Placement, Placements, Shape, SurfaceId};

@@ -3,9 +3,10 @@
 //! In the unit circle all chords of a chain have one distance h from the center, and each turns by
 //! 2 acos h. An end at distance a from the center is on the line of its chord, before its middle or
 //! behind it: it turns by acos h ± acos(h/a), + alone where it is outside. With n reflections both
-//! ends are apart by 2n acos h ± acos(h/a) ± acos(h/b), up to whole turns, to one side or the other.
-//! Times √(1 − h²) the derivative by h is −2n ∓ √((1 − h²)/(a² − h²)) ∓ √((1 − h²)/(b² − h²)), which
-//! rises where it is not below 0 throughout: there is one minimum at most.
+//! ends are apart by 2n acos h ± acos(h/a) ± acos(h/b), up to whole turns, to one side or the
+//! other. Times √(1 − h²) the derivative by h is
+//! −2n ∓ √((1 − h²)/(a² − h²)) ∓ √((1 − h²)/(b² − h²)), which rises where it is not below 0
+//! throughout: there is one minimum at most.
 
 use super::ball::{bisect, lean};
 use super::circle::{Circular, FlatEnd};
@@ -21,12 +22,11 @@ const CENTER: f64 = 1e-14;
 struct ChordEnd {
     /// Distance from the center; infinite where the end is.
     distance: f64,
-    /// It lies before the middle of its chord, seen from the chain.
+    /// Whether it lies before the middle of its chord, seen from the chain.
     is_near: bool,
 }
 
-/// 1 − h²/r² times r², and the rise of asin(h/r) with ψ, for h = `most` sin ψ <= r and the cosine of
-/// ψ.
+/// Square r² − h² and the rise of asin(h/r) with ψ, for h = `most` sin ψ <= r and the cosine of ψ.
 fn rise(r: f64, most: f64, c: f64) -> (f64, f64) {
     let rest = (r - most) * (r + most) + most * most * c * c;
     let slope = if rest > 0.0 {
@@ -37,7 +37,7 @@ fn rise(r: f64, most: f64, c: f64) -> (f64, f64) {
     (rest, slope)
 }
 
-/// acos h and its derivative by ψ.
+/// Half the angle of a chord, acos h, and its derivative by ψ.
 fn half_chord((s, c): (f64, f64), most: f64) -> (f64, f64) {
     let (rest, slope) = rise(1.0, most, c);
     (rest.sqrt().atan2(most * s), -slope)
