@@ -10,9 +10,9 @@
 
 use super::ball::{bisect, lean};
 use super::circle::{Circular, FlatEnd};
-use super::roots::root;
+use super::roots::turned_to;
 use glam::DVec2;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::FRAC_PI_2;
 
 /// Distance from the center below which an end is in it, where every chord has its middle there.
 const CENTER: f64 = 1e-14;
@@ -111,35 +111,15 @@ pub(super) fn solve(count: usize, far: FlatEnd, to: DVec2, mut found: impl FnMut
             } else {
                 bisect(slope, 0.0, FRAC_PI_2)
             };
-            for (low, high) in [(0.0, lowest), (lowest, FRAC_PI_2)] {
-                if low == high {
-                    continue;
-                }
-                let (one, two) = (turned(low).0, turned(high).0);
-                let (least, greatest) = (one.min(two), one.max(two));
-                for side in [1.0, -1.0] {
-                    let wanted = side * gamma;
-                    let turns = ((least - wanted) / TAU).ceil() as i32
-                        ..=((greatest - wanted) / TAU).floor() as i32;
-                    for turn in turns {
-                        let target = wanted + TAU * f64::from(turn);
-                        let f = |psi| {
-                            let (value, slope) = turned(psi);
-                            (value - target, slope)
-                        };
-                        let Some(psi) = root(f, low, high) else {
-                            continue;
-                        };
-                        let at = psi.sin_cos();
-                        let (angle, chord) = (first.turn(at, most).0, 2.0 * half_chord(at, most).0);
-                        let vertex = |i: usize| {
-                            let angle = side * (angle + i as f64 * chord);
-                            start.rotate(DVec2::from_angle(angle))
-                        };
-                        found(&(0..count).map(vertex).collect());
-                    }
-                }
-            }
+            turned_to(gamma, lowest, turned, |side, psi| {
+                let at = psi.sin_cos();
+                let (angle, chord) = (first.turn(at, most).0, 2.0 * half_chord(at, most).0);
+                let vertex = |i: usize| {
+                    let angle = side * (angle + i as f64 * chord);
+                    start.rotate(DVec2::from_angle(angle))
+                };
+                found(&(0..count).map(vertex).collect());
+            });
         }
     }
 }

@@ -4,7 +4,7 @@
 //! the angle at the center that it turns by is a sum of arc sines, with one minimum at most (their
 //! derivatives, times √(r² − h²), rise).
 
-use super::roots::root;
+use super::roots::{root, turned_to};
 use super::{Far, Points};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -105,34 +105,14 @@ impl Ball {
         } else {
             0.0
         };
-        for (low, high) in [(0.0, lowest), (lowest, FRAC_PI_2)] {
-            if low == high {
-                continue;
-            }
-            let (one, two) = (turned(low).0, turned(high).0);
-            let (least, most) = (one.min(two), one.max(two));
-            for side in [1.0, -1.0] {
-                let gamma = side * plane.gamma;
-                let first = ((least - gamma) / TAU).ceil() as i32;
-                let last = ((most - gamma) / TAU).floor() as i32;
-                for turns in first..=last {
-                    let target = gamma + TAU * f64::from(turns);
-                    let f = |theta| {
-                        let (value, slope) = turned(theta);
-                        (value - target, slope)
-                    };
-                    let Some(theta) = root(f, low, high) else {
-                        continue;
-                    };
-                    let (first, chord) = (of_end(theta).0, chord(theta));
-                    let points = (0..=chords).map(|i| {
-                        let angle = first + i as f64 * chord;
-                        self.center + self.radius * plane.direction(side * angle)
-                    });
-                    found(&points.collect());
-                }
-            }
-        }
+        turned_to(plane.gamma, lowest, turned, |side, theta| {
+            let (first, chord) = (of_end(theta).0, chord(theta));
+            let points = (0..=chords).map(|i| {
+                let angle = first + i as f64 * chord;
+                self.center + self.radius * plane.direction(side * angle)
+            });
+            found(&points.collect());
+        });
     }
 
     /// Every chain that leaves the ball of relative index `n` once, between a point inside and an

@@ -1,5 +1,7 @@
 //! Roots of functions of one number, by bracketed Newton steps.
 
+use std::f64::consts::{FRAC_PI_2, TAU};
+
 /// Halvings and steps until a bracket is as narrow as rounding.
 const MOST_STEPS: usize = 200;
 
@@ -44,6 +46,38 @@ pub(super) fn root(f: impl Fn(f64) -> (f64, f64), low: f64, high: f64) -> Option
         }
     }
     Some(x)
+}
+
+/// Calls `found(side, x)` for every x in [0, π/2] at which an angle is `side` γ (1 or −1), up to
+/// whole turns; `angle` gives value and derivative, and is monotone up to `lowest` and from there.
+pub(super) fn turned_to(
+    gamma: f64,
+    lowest: f64,
+    angle: impl Fn(f64) -> (f64, f64),
+    mut found: impl FnMut(f64, f64),
+) {
+    for (low, high) in [(0.0, lowest), (lowest, FRAC_PI_2)] {
+        if low == high {
+            continue;
+        }
+        let (one, two) = (angle(low).0, angle(high).0);
+        let (least, most) = (one.min(two), one.max(two));
+        for side in [1.0, -1.0] {
+            let wanted = side * gamma;
+            let first = ((least - wanted) / TAU).ceil() as i32;
+            let last = ((most - wanted) / TAU).floor() as i32;
+            for turns in first..=last {
+                let target = wanted + TAU * f64::from(turns);
+                let f = |x| {
+                    let (value, slope) = angle(x);
+                    (value - target, slope)
+                };
+                if let Some(x) = root(f, low, high) {
+                    found(side, x);
+                }
+            }
+        }
+    }
 }
 
 /// Appends the real roots of Σ c_i x^i, of degree up to 4 with `c[degree]` not 0, in order. Between
