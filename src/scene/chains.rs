@@ -2,20 +2,23 @@
 //!
 //! A chain runs from the light to the sensor and names each surface, whether it reflects or
 //! transmits, and the media on both sides of it. Listed are single mirrors and interfaces, balls
-//! crossed in one or two chords, reflections around the inside of a mirror, and flat faces in a
-//! row.
+//! crossed in one or two chords, reflections around the inside of a mirror, lenses of few surfaces,
+//! and flat faces in a row.
 
 use super::{Scene, probe};
 use crate::geometry::{AccelAt, InstanceId, Placement, Placements, Shape, SurfaceId};
 use crate::medium::{Medium, MediumId};
+use crate::optics::{LensSurface, Profile};
 use crate::spectrum::ior::LINE_D_NM;
 use arrayvec::ArrayVec;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Most specular vertices of a chain.
 pub const MAX_CHAIN: usize = 4;
 /// Most kinds of chains listed.
 pub const MOST_KINDS: usize = 4096;
+/// Most groups of lens surfaces.
+const MOST_GROUPS: usize = 2;
 /// Most faces looked at.
 const MOST_FACES: usize = 256;
 
@@ -75,6 +78,7 @@ enum FaceShape {
     Flat,
     Ball,
     Tube,
+    Lens,
 }
 
 /// Points of face `prim` with their normals, in object space.
@@ -111,6 +115,20 @@ fn samples(shape: &Shape, prim: u32) -> Vec<(DVec3, DVec3)> {
             };
             let (u, v) = n.any_orthonormal_pair();
             square.map(|(x, y)| (n + u * x + v * y, n)).into()
+        }
+        // aspheric surfaces have no solver
+        Shape::Lens(lens) if matches!(lens.surface().profile, Profile::Conic { .. }) => {
+            let LensSurface {
+                profile, aperture, ..
+            } = lens.surface();
+            let r = 0.5 * aperture.extent();
+            round
+                .map(|(x, y)| {
+                    let p = aperture.center + DVec2::new(x, y) * r;
+                    let [z, zx, zy] = profile.sag_and_slopes(p.x, p.y);
+                    (p.extend(z), DVec3::new(-zx, -zy, 1.0).normalize())
+                })
+                .into()
         }
         Shape::Mesh(_) | Shape::Deforming(_) | Shape::Lens(_) => Vec::new(),
     }
@@ -155,6 +173,7 @@ impl Face {
             shape: match shape {
                 Shape::Sphere => FaceShape::Ball,
                 Shape::Cylinder => FaceShape::Tube,
+                Shape::Lens(_) => FaceShape::Lens,
                 _ => FaceShape::Flat,
             },
             reflects,
@@ -229,6 +248,7 @@ impl Chains {
         chains.singles(&faces);
         chains.balls(&faces);
         chains.around(&faces);
+        chains.lenses(&faces);
         let flat: Vec<&Face> = faces
             .iter()
             .filter(|f| f.shape == FaceShape::Flat)
@@ -253,7 +273,7 @@ impl Chains {
     }
 
     fn singles(&mut self, faces: &[Face]) {
-        for face in faces {
+        for face in faces.iter().filter(|f| f.shape != FaceShape::Lens) {
             for link in face.links(false) {
                 self.push(ChainKind::from_iter([link]));
             }
@@ -284,11 +304,60 @@ impl Chains {
 
     /// Several reflections inside round mirrors.
     fn around(&mut self, faces: &[Face]) {
-        let is_round = |f: &&Face| f.shape != FaceShape::Flat && !f.transmits;
+        let is_round =
+            |f: &&Face| matches!(f.shape, FaceShape::Ball | FaceShape::Tube) && !f.transmits;
         for face in faces.iter().filter(is_round) {
             for inside in face.links(false).filter(|l| !l.from_above) {
                 for count in 2..=MAX_CHAIN {
                     self.push(std::iter::repeat_n(inside, count).collect());
+                }
+            }
+        }
+    }
+
+    /// Straight through lenses, from air to air in either direction: through a group of surfaces
+    /// with glass between them, and through two. Of more, each alone joins nothing that is not
+    /// between them.
+    fn lenses(&mut self, faces: &[Face]) {
+        let surfaces: Vec<&Face> = (faces.iter())
+            .filter(|f| f.shape == FaceShape::Lens && f.transmits)
+            .collect();
+        let is_outside = |medium: MediumId| medium == MediumId::AMBIENT;
+        let is_outer = |f: &&&Face| f.media.iter().flatten().any(|&m| is_outside(m));
+        if surfaces.iter().filter(is_outer).count() > 2 * MOST_GROUPS {
+            return;
+        }
+        for first in 0..surfaces.len() {
+            for last in first + 1..surfaces.len().min(first + MAX_CHAIN) {
+                let row = &surfaces[first..=last];
+                let mut ways = vec![ChainKind::new()];
+                for face in row {
+                    let goes_on = |way: &ChainKind, link: &ChainLink| match way.last() {
+                        Some(before) => before.after() == link.before(),
+                        None => is_outside(link.before()),
+                    };
+                    ways = (ways.iter())
+                        .flat_map(|way| {
+                            let on = face.links(true).filter(move |link| goes_on(way, link));
+                            on.map(move |link| {
+                                let mut longer = way.clone();
+                                longer.push(link);
+                                longer
+                            })
+                        })
+                        .collect();
+                }
+                for way in ways {
+                    if way.last().is_some_and(|link| is_outside(link.after())) {
+                        // back: each link the other way round
+                        let back = |link: &ChainLink| ChainLink {
+                            from_above: !link.from_above,
+                            ..*link
+                        };
+                        let reverse = way.iter().rev().map(back).collect();
+                        self.push(way);
+                        self.push(reverse);
+                    }
                 }
             }
         }

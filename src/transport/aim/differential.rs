@@ -7,16 +7,17 @@ use super::{Bounce, Far};
 use glam::DVec3;
 
 /// A ray with its derivatives by two perpendicular angles at its start.
-struct Differential {
+pub(super) struct Differential {
     direction: DVec3,
     /// Of the position.
-    p: [DVec3; 2],
+    pub p: [DVec3; 2],
     /// Of the direction.
-    d: [DVec3; 2],
+    pub d: [DVec3; 2],
 }
 
 impl Differential {
-    fn leaving(direction: DVec3) -> Self {
+    /// At its start; the angles are about the pair of axes that `any_orthonormal_pair` gives.
+    pub fn leaving(direction: DVec3) -> Self {
         let (x, y) = direction.any_orthonormal_pair();
         Self {
             direction,
@@ -26,7 +27,7 @@ impl Differential {
     }
 
     /// To the surface at `distance`, whose normal is `n`.
-    fn advance(&mut self, distance: f64, n: DVec3) {
+    pub fn advance(&mut self, distance: f64, n: DVec3) {
         let d = self.direction;
         for (p, turn) in self.p.iter_mut().zip(self.d) {
             *p += distance * turn;
@@ -34,17 +35,19 @@ impl Differential {
         }
     }
 
-    /// Scatters where the bounce is, from index `from` to index `to`, into unit `direction`.
-    fn scatter(&mut self, bounce: &Bounce, normal: DVec3, from: f64, to: f64, direction: DVec3) {
+    /// Scatters where the bounce is, at `place`, from the first index of `eta` to the second, into
+    /// unit `direction`.
+    pub fn scatter(&mut self, bounce: &Bounce, place: DVec3, eta: [f64; 2], direction: DVec3) {
         let d = self.direction;
+        let normal = bounce.surface.normal(place);
         // against the ray
         let side = -d.dot(normal).signum();
         let n = normal * side;
         for (p, turn) in self.p.iter().zip(&mut self.d) {
-            let dn = bounce.surface.turn(*p) * side;
+            let dn = bounce.surface.turn(place, *p) * side;
             let delta = turn.dot(n) + d.dot(dn);
             if bounce.transmits {
-                let e = from / to;
+                let e = eta[0] / eta[1];
                 let cos = -direction.dot(n);
                 let (mu, dmu) = (cos + e * d.dot(n), (e + e * e * d.dot(n) / cos) * delta);
                 *turn = e * *turn - (dn * mu + n * dmu);
@@ -74,7 +77,7 @@ pub fn jacobian(bounces: &[Bounce], points: &[DVec3], eta: &[f64], far: &Far, to
             None => far.direction_from(p),
         };
         ray.advance(origin.distance(p), normal);
-        ray.scatter(bounce, normal, eta[i + 1], eta[i], next);
+        ray.scatter(bounce, p, [eta[i + 1], eta[i]], next);
         origin = p;
     }
     let across = match *far {

@@ -2,13 +2,14 @@
 //!
 //! A chain is a list of smooth surfaces, each of which reflects or transmits, with the indices of
 //! the segments between them. The solvers here are functions of that, the end points and the
-//! placements alone: no random numbers, no visibility, no bounds of facets. All are *complete*:
-//! they find every chain there is, so that whoever meets a chain on a path made otherwise knows
-//! that its solver would have found it.
+//! placements alone: no random numbers, no visibility, no bounds of facets. All but the last are
+//! *complete*: they find every chain there is, so that whoever meets a chain on a path made
+//! otherwise knows that its solver would have found it.
 //!
 //! Planes: Fermat's path length is convex in the positions on them. Spheres: a chain lies in the
 //! plane of its end points and the center, where one number decides it. Mirrors that are circles in
 //! cross-section: Alhazen's problem, a quartic; inside, several reflections by one number again.
+//! Any other surface of the second degree: shooting, which has to be asked what it finds.
 
 mod around;
 pub mod ball;
@@ -16,7 +17,9 @@ pub mod circle;
 pub mod differential;
 pub mod placed;
 pub mod planes;
+pub mod quadric;
 mod roots;
+mod shooting;
 pub mod surface;
 #[cfg(test)]
 mod tests;
@@ -96,13 +99,13 @@ pub fn is_solvable(bounces: &[Bounce], eta: &[f64]) -> bool {
     if bounces.iter().all(is_plane) {
         return true;
     }
-    if is_around(bounces) {
+    if is_around(bounces) || !is_complete(bounces) {
         return true;
     }
     match bounces {
         [only] => match only.surface {
             Surface::Cylinder { .. } => !only.transmits,
-            _ => true,
+            Surface::Plane { .. } | Surface::Sphere { .. } | Surface::Quadric(_) => true,
         },
         [first, inner @ .., last] => {
             matches!(first.surface, Surface::Sphere { .. })
@@ -118,6 +121,12 @@ pub fn is_solvable(bounces: &[Bounce], eta: &[f64]) -> bool {
         }
         [] => false,
     }
+}
+
+/// Whether the solver of these shapes finds every chain.
+#[must_use]
+pub fn is_complete(bounces: &[Bounce]) -> bool {
+    !(bounces.iter()).any(|b| matches!(b.surface, Surface::Quadric(_)))
 }
 
 /// Whether a chain is reflected inside one sphere or cylinder alone.
@@ -143,6 +152,9 @@ pub fn solve(
             found(points);
         }
     };
+    if !is_complete(bounces) {
+        return shooting::solve(bounces, eta, far, to, checked);
+    }
     match (bounces, bounces[0].surface) {
         (_, Surface::Plane { .. }) => {
             if let Some(points) = planes::solve(bounces, eta, far, to) {
@@ -167,7 +179,7 @@ pub fn solve(
                 _ => ball.across(eta[1] / eta[0], bounces.len() - 1, far, to, checked),
             }
         }
-        (_, Surface::Cylinder { .. }) => {}
+        (_, Surface::Cylinder { .. } | Surface::Quadric(_)) => {}
     }
 }
 

@@ -1,15 +1,19 @@
 //! Faces of the scene as surfaces that chains are solved for.
 
+use super::quadric::Quadric;
 use super::surface::Surface;
 use crate::geometry::{Instance, Placement, Shape, SurfaceId};
-use glam::DVec3;
+use crate::optics::{LensSurface, Profile};
+use glam::{DMat3, DVec3};
 
 /// Relative difference of lengths and cosine of angles up to which a map is one that keeps shapes.
 const SIMILAR: f64 = 1e-12;
+/// Distance from a lens surface, in units of its aperture, up to which a point is on it.
+const ON_SHEET: f64 = 1e-6;
 
 impl Surface {
     /// Face `prim` of an instance under `placement` at `time` (seconds); `None` where its shape is
-    /// none of these: a sphere or cylinder scaled out of round, a mesh.
+    /// none of these: a mesh, an aspheric surface.
     #[must_use]
     pub fn of(instance: &Instance, prim: u32, placement: &Placement) -> Option<Self> {
         let to_world = placement.to_world;
@@ -20,19 +24,27 @@ impl Surface {
             (a2 - b2).abs() <= SIMILAR * a2 && a.dot(b).abs() <= SIMILAR * a2
         };
         let is_square = |a: DVec3, b: DVec3| a.dot(b).abs() <= SIMILAR * a.length() * b.length();
+        let quadric = |q: DMat3, b: DVec3, c: f64| {
+            Self::Quadric(Quadric::placed(q, b, c, &to_world, &placement.to_object))
+        };
         match instance.shape {
-            Shape::Sphere => {
-                (is_round(x, y) && is_round(y, z) && is_round(z, x)).then(|| Self::Sphere {
+            Shape::Sphere if is_round(x, y) && is_round(y, z) && is_round(z, x) => {
+                Some(Self::Sphere {
                     center: to_world.translation,
                     radius: x.length(),
                 })
             }
-            Shape::Cylinder => {
-                (is_round(x, y) && is_square(x, z) && is_square(y, z)).then(|| Self::Cylinder {
+            Shape::Sphere => Some(quadric(DMat3::IDENTITY, DVec3::ZERO, -1.0)),
+            Shape::Cylinder if is_round(x, y) && is_square(x, z) && is_square(y, z) => {
+                Some(Self::Cylinder {
                     center: to_world.translation,
                     axis: z.normalize(),
                     radius: x.length(),
                 })
+            }
+            Shape::Cylinder => {
+                let across = DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0));
+                Some(quadric(across, DVec3::ZERO, -1.0))
             }
             Shape::Quad | Shape::Disk { .. } => Some(Self::Plane {
                 origin: to_world.translation,
@@ -45,7 +57,19 @@ impl Surface {
                     normal: placement.normal_to_world(n),
                 })
             }
-            Shape::Mesh(_) | Shape::Deforming(_) | Shape::Lens(_) => None,
+            Shape::Lens(ref lens) => match lens.surface().profile {
+                ref flat if flat.is_plane() => Some(Self::Plane {
+                    origin: to_world.translation,
+                    normal: placement.normal_to_world(DVec3::Z),
+                }),
+                Profile::Conic { curvature, conic } => {
+                    // z - c (r^2 + (1 + k) z^2) / 2
+                    let square = DVec3::new(1.0, 1.0, 1.0 + conic) * (-0.5 * curvature);
+                    Some(quadric(DMat3::from_diagonal(square), DVec3::Z * 0.5, 0.0))
+                }
+                _ => None,
+            },
+            Shape::Mesh(_) | Shape::Deforming(_) => None,
         }
     }
 }
@@ -66,6 +90,14 @@ pub fn is_on_face(instance: &Instance, id: SurfaceId, placement: &Placement, p: 
             across[axis] = 0.0;
             across.max_element() <= 1.0
         }
-        Shape::Mesh(_) | Shape::Deforming(_) | Shape::Lens(_) => false,
+        Shape::Lens(ref lens) => {
+            let LensSurface {
+                profile, aperture, ..
+            } = lens.surface();
+            // the other sheet of a conic is none of the lens
+            let off = (q.z - profile.sag(q.x, q.y)).abs();
+            aperture.contains(q.x, q.y) && off <= ON_SHEET * aperture.extent()
+        }
+        Shape::Mesh(_) | Shape::Deforming(_) => false,
     }
 }

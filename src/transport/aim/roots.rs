@@ -92,6 +92,15 @@ pub(super) fn polynomial_roots(c: &[f64], out: &mut arrayvec::ArrayVec<f64, 4>) 
         out.push(-c[0] / lead);
         return;
     }
+    if degree == 2 {
+        let square = 0.25 * c[1] * c[1] - lead * c[0];
+        let far = -0.5 * c[1] - square.sqrt().copysign(c[1]);
+        if square > 0.0 {
+            let (a, b) = (far / lead, c[0] / far);
+            out.extend([a.min(b), a.max(b)]);
+        }
+        return;
+    }
     let derivative: arrayvec::ArrayVec<f64, 4> = c
         .iter()
         .enumerate()

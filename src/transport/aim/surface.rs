@@ -1,5 +1,6 @@
 //! Surfaces that chains are solved for, as if they had no bounds.
 
+use super::quadric::Quadric;
 use glam::DVec3;
 
 /// An unbounded smooth surface. Normals point as those of hits do.
@@ -28,26 +29,103 @@ pub enum Surface {
         /// Radius.
         radius: f64,
     },
+    /// Any other surface of the second degree.
+    Quadric(Quadric),
 }
 
 impl Surface {
     /// Unit normal at a point of the surface.
     #[must_use]
     pub fn normal(&self, p: DVec3) -> DVec3 {
-        match *self {
-            Self::Plane { normal, .. } => normal,
-            Self::Sphere { center, .. } => (p - center).normalize(),
-            Self::Cylinder { center, axis, .. } => (p - center).reject_from(axis).normalize(),
+        match self {
+            Self::Plane { normal, .. } => *normal,
+            Self::Sphere { center, .. } => (p - *center).normalize(),
+            Self::Cylinder { center, axis, .. } => (p - *center).reject_from(*axis).normalize(),
+            Self::Quadric(quadric) => quadric.normal(p),
         }
     }
 
-    /// Change of the normal for a step `dp` along the surface: the shape operator.
+    /// Change of the normal for a step `dp` along the surface from `p`: the shape operator.
     #[must_use]
-    pub fn turn(&self, dp: DVec3) -> DVec3 {
-        match *self {
+    pub fn turn(&self, p: DVec3, dp: DVec3) -> DVec3 {
+        match self {
             Self::Plane { .. } => DVec3::ZERO,
-            Self::Sphere { radius, .. } => dp / radius,
-            Self::Cylinder { axis, radius, .. } => dp.reject_from(axis) / radius,
+            Self::Sphere { radius, .. } => dp / *radius,
+            Self::Cylinder { axis, radius, .. } => dp.reject_from(*axis) / *radius,
+            Self::Quadric(quadric) => quadric.turn(p, dp),
         }
+    }
+
+    /// Distance at which a ray with unit direction meets the surface from the side that the normal
+    /// points to (`above`) or from the other.
+    #[must_use]
+    pub fn meet(&self, o: DVec3, d: DVec3, above: bool) -> Option<f64> {
+        let round = |o: DVec3, d: DVec3, radius: f64| {
+            let height = 0.5 * (o.length() - radius) * (o.length() + radius);
+            quadratic_root(0.5 * d.length_squared(), o.dot(d), height, above)
+        };
+        match self {
+            Self::Plane { origin, normal } => {
+                let approach = d.dot(*normal);
+                let is_met = if above {
+                    approach < 0.0
+                } else {
+                    approach > 0.0
+                };
+                is_met.then(|| (*origin - o).dot(*normal) / approach)
+            }
+            Self::Sphere { center, radius } => round(o - *center, d, *radius),
+            Self::Cylinder {
+                center,
+                axis,
+                radius,
+            } => round(
+                (o - *center).reject_from(*axis),
+                d.reject_from(*axis),
+                *radius,
+            ),
+            Self::Quadric(quadric) => quadric.meet(o, d, above),
+        }
+        .filter(|t| *t > 0.0)
+    }
+}
+
+impl Surface {
+    /// Whether a point is on the side that the normal points to; `None` where both are one, or go
+    /// over into each other around a rim.
+    #[must_use]
+    pub fn is_above(&self, p: DVec3) -> Option<bool> {
+        match self {
+            Self::Plane { origin, normal } => Some((p - *origin).dot(*normal) > 0.0),
+            Self::Sphere { center, radius } => Some(p.distance_squared(*center) >= radius * radius),
+            Self::Cylinder { .. } => None,
+            Self::Quadric(quadric) => quadric.is_outside(p),
+        }
+    }
+
+    /// Onto the surface from near it, where positions have few digits.
+    #[must_use]
+    pub fn settle(&self, p: DVec3) -> DVec3 {
+        match self {
+            Self::Quadric(quadric) => quadric.settle(p),
+            Self::Plane { .. } | Self::Sphere { .. } | Self::Cylinder { .. } => p,
+        }
+    }
+}
+
+/// Root of a t² + b t + c at which it falls (`falls`) or rises.
+pub(super) fn quadratic_root(a: f64, b: f64, c: f64, falls: bool) -> Option<f64> {
+    let root = (b * b - 4.0 * a * c).sqrt();
+    // of a negative square it is no number
+    let slope = if falls { -root } else { root };
+    if root.is_nan() {
+        None
+    } else if slope * b > 0.0 {
+        // without the difference of near-equal numbers
+        Some(-2.0 * c / (b + slope))
+    } else if a == 0.0 {
+        None
+    } else {
+        Some((slope - b) / (2.0 * a))
     }
 }

@@ -1,7 +1,8 @@
 //! A finished path as a list of places, and the bridges that could have made it.
 
+use super::surface::Surface;
 use super::tries::Origin;
-use super::{Bounce, Far, MAX_CHAIN, differential, is_solvable, surface::Surface};
+use super::{Bounce, Far, MAX_CHAIN, differential, is_complete, is_solvable, solve};
 use crate::geometry::{EndPoint, InstanceId, SurfaceId, SurfacePoint};
 use crate::light::LightKind;
 use crate::medium::MediumId;
@@ -12,6 +13,9 @@ use crate::transport::strategies::StrategySet;
 use crate::transport::subpath::Vertex;
 use arrayvec::ArrayVec;
 use glam::DVec3;
+
+/// Distance up to which two chains are one, in units of their last segment.
+const SAME: f64 = 1e-5;
 
 /// Where a scattering vertex is.
 #[derive(Clone, Copy, Debug)]
@@ -179,6 +183,9 @@ pub fn bridges(
             return None;
         }
         let (bounces, eta) = place(context, &links, lane)?;
+        if !is_complete(&bounces) && !is_found(view, trail, (a, b), &bounces, &eta) {
+            return None;
+        }
         let k = factor(trail, a, b, &bounces, &eta);
         Some(Bridge {
             a,
@@ -217,6 +224,32 @@ pub fn bridges(
     let at_light = at_light.then(|| bridge(by_camera, (0, first), 1.0, &always));
     let at_sensor = at_sensor.then(|| bridge(by_light, (last, n - 1), splats, &wanted));
     [at_light.flatten(), at_sensor.flatten()]
+}
+
+/// Whether a solver that may miss chains finds that between x_a and x_b; where the path joins
+/// specular vertices of it, which then are near a chain, whether it finds any.
+fn is_found(
+    view: &PathView,
+    trail: &Trail,
+    (a, b): (usize, usize),
+    bounces: &[Bounce],
+    eta: &[f64],
+) -> bool {
+    if trail.light.len() == a && trail.chain.len() == bounces.len() {
+        return true;
+    }
+    let s = view.s();
+    let is_near = [s.wrapping_sub(1), s]
+        .iter()
+        .any(|i| (a + 1..b).contains(i));
+    let mut is_found = false;
+    let (far, to) = (trail.far(a), trail.position(b));
+    solve(bounces, eta, &far, to, |points| {
+        let size = to.distance(points[points.len() - 1]);
+        let is_same = |(i, p): (usize, &DVec3)| p.distance(trail.place(a + 1 + i).p) < SAME * size;
+        is_found |= is_near || points.iter().enumerate().all(is_same);
+    });
+    is_found
 }
 
 /// The links of the chain between x_a and x_b; `None` where it is too long.

@@ -10,6 +10,7 @@ use crate::sampler::{Draw, Sampler};
 use crate::scene::chains::ChainKind;
 use crate::scene::crossing::resolve;
 use crate::spectrum::SampledSpectrum;
+use crate::transport::aim::surface::Surface;
 use crate::transport::aim::trail::{self, Place, Placed, Trail};
 use crate::transport::aim::tries::{Origin, Tries};
 use crate::transport::aim::{Bounce, Far, MAX_CHAIN, Points, differential, placed, solve};
@@ -508,13 +509,12 @@ impl<'a> Joiner<'a> {
 
 /// Whether an end is on the wrong side of the first surface it would meet.
 fn is_hopeless(bounces: &[Bounce], far: &Far, to: DVec3) -> bool {
-    use crate::transport::aim::surface::Surface;
-    let is_wrong = |surface: &Surface, x: DVec3, above: bool| match *surface {
-        Surface::Plane { origin, normal } => ((x - origin).dot(normal) > 0.0) != above,
-        Surface::Sphere { center, radius } => above && x.distance_squared(center) < radius * radius,
-        Surface::Cylinder { .. } => false,
-    };
     let (first, last) = (&bounces[0], &bounces[bounces.len() - 1]);
+    let is_wrong = |surface: &Surface, x: DVec3, above: bool| {
+        surface
+            .is_above(x)
+            .is_some_and(|is_above| is_above != above)
+    };
     let lost = match (*far, first.surface) {
         (Far::Point(x), _) => is_wrong(&first.surface, x, first.from_above),
         (Far::Direction(w), Surface::Plane { normal, .. }) => {

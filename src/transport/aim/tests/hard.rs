@@ -285,6 +285,7 @@ fn edge_chains(delta: f64) -> Vec<(&'static str, Traced)> {
                 _ if first.from_above => 1.0,
                 Surface::Sphere { .. } => -0.7 * o.dot(d),
                 Surface::Cylinder { .. } => -0.7 * o.with_z(0.0).dot(d.with_z(0.0)),
+                Surface::Quadric(_) => unreachable!(),
             };
             let far = Far::Point(o + d * length);
             let chain = Traced {
