@@ -45,11 +45,13 @@ impl Choices {
         response: SensorResponse,
         pilot: PilotPasses,
     ) -> Self {
-        let epsilon = is_regularized(&frame).then(|| epsilon::choose(&frame, response));
-        let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
-        let radius = merges(&frame).then(|| merging::choose_radius(&frame, response));
-        let tries = tries::choose(&frame, crop, cone, response, pilot);
+        let sparse = tries::sparse(&frame);
         let mut aiming = frame;
+        aiming.strategies.tries = sparse.as_ref();
+        let epsilon = is_regularized(&aiming).then(|| epsilon::choose(&aiming, response));
+        let cone = epsilon.as_ref().map(|e| Cone::new(e.epsilon));
+        let radius = merges(&aiming).then(|| merging::choose_radius(&aiming, response));
+        let tries = tries::choose(&aiming, crop, cone, response, pilot);
         aiming.strategies.tries = tries.as_ref().map(|found| &found.tries);
         let factors = variance::choose(&aiming, crop, cone, response, pilot);
         let given = factors.as_ref().map(|found| &found.factors);

@@ -110,6 +110,7 @@ pub fn choose(
     let run = |(light_paths, pairs), light_walks| {
         let jobs = settings.iter().map(|settings| {
             let mut job = SensorJob::new(frame.scene, frame.sensor, settings, &crop, false);
+            job.strategies.tries = frame.strategies.tries;
             job.strategies.factors = factors;
             job.strategies.pairs = pairs;
             job.strategies.set_light_paths(light_paths);

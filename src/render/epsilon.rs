@@ -105,8 +105,10 @@ pub fn choose(frame: &SensorJob, response: SensorResponse) -> EpsilonChoice {
         ..frame.settings.clone()
     };
     let whole = frame.scene.sensors[frame.sensor].whole_film();
+    let mut job = SensorJob::new(frame.scene, frame.sensor, &settings, &whole, false);
+    job.strategies.tries = frame.strategies.tries;
     let pilot = Pilot {
-        frame: SensorJob::new(frame.scene, frame.sensor, &settings, &whole, false),
+        frame: job,
         response,
         film: whole,
     };

@@ -35,6 +35,7 @@ pub(super) fn price(counters: &Counters) -> f64 {
 }
 
 /// Regions of a crop, with the light that samples found in each.
+#[derive(Clone)]
 pub(super) struct Regions {
     crop: Crop,
     light: Vec<f64>,

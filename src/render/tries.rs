@@ -1,12 +1,13 @@
 //! Tries of a render: how often each kind of chain is worth solving for.
 //!
-//! A pilot tries every kind from everywhere. A bridge that gave c with weight w in the sum of all
-//! strategies stands for a second moment of c²/(1 − w + p w) had it been tried with probability p;
-//! what it cost is counted in searches and rays, at fixed prices. Kind by kind and origin by
-//! origin, the p is taken that makes variance times cost of the whole render least. [theory (9.6)]
+//! A pilot tries every kind from everywhere with one probability p₀. A bridge that gave c with
+//! weight w in the sum of all strategies stands for a second moment of c²/(1 − w + (p/p₀) w) had it
+//! been tried with probability p; what it cost is counted in searches and rays, at fixed prices.
+//! Kind by kind and origin by origin, the p is taken that makes variance times cost of the whole
+//! render least. [theory (9.6)]
 //!
 //! Invariant: a function of scene, sensor, crop and settings without the seed and of the length of
-//! the pilot, counted and never timed, whatever the threads, so that all parts of a render agree.
+//! the pilot, which its counted cost bounds, counted and never timed, whatever the threads, so that all parts of a render agree.
 
 use super::PilotPasses;
 use super::pilot::{Regions, SHADOW, lattice, price};
@@ -14,6 +15,7 @@ use crate::film::Crop;
 use crate::integrator::{SensorJob, Workspace, sample_pixel};
 use crate::math::hash::combine;
 use crate::scene::Settings;
+use crate::scene::chains::ChainKind;
 use crate::spectrum::SensorResponse;
 use crate::transport::aim::tries::{Origin, Tries};
 use crate::transport::connect::AimTally;
@@ -30,8 +32,12 @@ const FIRST_PASS: u32 = u32::MAX - 32;
 /// a film that they are at most.
 const PIXELS: [(u32, u64); 3] = [(4, 1024), (1, 256), (0, 64)];
 const PIXELS_SHARE: u64 = 8;
-/// Kinds up to which the pilot takes as many: it tries all of them at every vertex.
-const FEW_KINDS: usize = 256;
+/// Pixels of the first batch; each later one doubles all. A batch is the last where the next would
+/// make the cost larger than a share of that of the shortest render with a pilot of this length.
+const FIRST_PIXELS: usize = 16;
+const COST_SHARE: f64 = 0.1;
+/// Kinds that a vertex of the pilot tries at most on average.
+const MOST_TRIED: f64 = 8.0;
 /// Probabilities that may be chosen, from the largest down.
 const SHARES: [f64; 6] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.0];
 /// Largest probability of what nothing else makes and the pilot has not seen, and how many such
@@ -43,7 +49,8 @@ const TRIMMED: f64 = 1e-3;
 /// Rounds of the search.
 const ROUNDS: usize = 4;
 
-/// Prices of a search and of a chain found, beside those of [`price`].
+/// Prices of a search, by the square of the length of the chain, and of a chain found, beside those
+/// of [`price`].
 const SEARCH: f64 = 1.5;
 const CHAIN: f64 = 1.5;
 
@@ -153,6 +160,29 @@ struct Pixel {
     counters: Counters,
 }
 
+/// Few tries of every kind from everywhere, for pilots; `None` where no chains are solved for.
+pub(super) fn sparse(frame: &SensorJob) -> Option<Tries> {
+    let shares = shared(&searches(frame), MOST_TRIED);
+    let all = Origin::all().flat_map(|_| shares.iter().map(|s| *s as f32));
+    let tries = Tries::new(shares.len(), all.collect())
+        .expect("invariant: a share of each kind from each origin");
+    frame.strategies.aims.any().then_some(tries)
+}
+
+/// Price of a search, by kind.
+fn searches(frame: &SensorJob) -> Vec<f64> {
+    let price = |kind: &ChainKind| SEARCH * (kind.len() * kind.len()) as f64;
+    frame.scene.chains().kinds().iter().map(price).collect()
+}
+
+/// Probabilities of kinds, powers of two from 1 down, in inverse proportion to these prices: a
+/// vertex tries `most` of them at most on average.
+fn shared(prices: &[f64], most: f64) -> Vec<f64> {
+    let all: f64 = prices.iter().map(|price| 1.0 / price).sum();
+    let share = |price: &f64| (most / (price * all)).min(1.0).log2().floor().exp2();
+    prices.iter().map(share).collect()
+}
+
 /// Finds the probabilities; `None` where no chains are solved for.
 #[must_use]
 pub fn choose(
@@ -162,25 +192,23 @@ pub fn choose(
     response: SensorResponse,
     length: PilotPasses,
 ) -> Option<TriesChoice> {
-    if !frame.strategies.aims.any() {
-        return None;
-    }
-    let kinds = frame.scene.chains().kinds().len();
+    let sparse = sparse(frame)?;
+    let kinds = sparse.kinds();
     let settings = Settings {
         seed: combine(u64::from(u32::MAX), u64::from(FIRST_PASS)),
         ..frame.settings.clone()
     };
     let mut job = SensorJob::new(frame.scene, frame.sensor, &settings, &crop, false);
     job.detailed = true;
+    job.strategies.tries = Some(&sparse);
     let most = PIXELS.iter().find(|(passes, _)| length.0 >= *passes);
-    let most =
-        most.map_or(0, |(_, pixels)| *pixels) * FEW_KINDS as u64 / kinds.max(FEW_KINDS) as u64;
-    let count = (crop.pixels() / PIXELS_SHARE).clamp(1, most) as usize;
-    let pixels: Vec<(u32, u32)> = lattice(&crop).take(count).collect();
+    let most = most.map_or(0, |(_, pixels)| *pixels);
+    let most = (crop.pixels() / PIXELS_SHARE).clamp(1, most) as usize;
+    let lattice: Vec<(u32, u32)> = lattice(&crop).take(most).collect();
+    let least = length.least_samples() as f64 * crop.pixels() as f64;
     let regions = Regions::new(crop);
-    let pixels: Vec<Pixel> = pixels
-        .into_par_iter()
-        .map_init(Workspace::default, |workspace, pixel| {
+    let run = |pixels: &[(u32, u32)]| -> Vec<Pixel> {
+        let one = |workspace: &mut Workspace, &pixel: &(u32, u32)| {
             workspace.count_aims(kinds);
             workspace.counters = Counters::default();
             let samples = (0..PASSES).map(|i| {
@@ -216,13 +244,40 @@ pub fn choose(
                 tally: workspace.aims().to_vec(),
                 counters: workspace.counters,
             }
-        })
-        .collect();
+        };
+        let pixels = pixels.par_iter();
+        pixels.map_init(Workspace::default, one).collect()
+    };
+    let listed = Listed {
+        needed: needed(frame, kinds),
+        searches: searches(frame),
+    };
+    let mut pixels = Vec::new();
+    let balance = loop {
+        let more = pixels.len().max(FIRST_PIXELS);
+        let end = lattice.len().min(pixels.len() + more);
+        pixels.extend(run(&lattice[pixels.len()..end]));
+        let found = Balance::new(&pixels, &listed, regions.clone(), &sparse);
+        let samples = pixels.len() as f64 * f64::from(PASSES);
+        let spent = samples * (found.cost + found.spent);
+        if end == lattice.len() || 2.0 * spent > COST_SHARE * least * found.cost {
+            break found;
+        }
+    };
     let samples = u64::from(PASSES) * pixels.len() as u64;
-    let shares = Balance::new(&pixels, &needed(frame, kinds), regions).shares(unseen(kinds));
+    let unseen = shared(&listed.searches, MOST_UNSEEN);
+    let shares = balance.shares(&unseen);
     let tries =
         Tries::new(kinds, shares).expect("invariant: a share of each kind from each origin");
     Some(TriesChoice::new(tries, samples))
+}
+
+/// What is known of the kinds without a pilot.
+struct Listed {
+    /// See [`needed`].
+    needed: Vec<bool>,
+    /// Price of a search, by kind.
+    searches: Vec<f64>,
 }
 
 /// By origin and kind: whether the paths have no other technique that is sure to make them without
@@ -238,26 +293,23 @@ fn needed(frame: &SensorJob, kinds: usize) -> Vec<bool> {
         .collect()
 }
 
-/// Probability of what nothing else makes and the pilot has not seen, of `kinds` kinds: a power of
-/// two.
-fn unseen(kinds: usize) -> f64 {
-    let most = (MOST_UNSEEN / kinds.max(1) as f64).min(UNSEEN);
-    most.log2().floor().exp2()
-}
-
 /// Variance and cost of a sample, as functions of the probabilities.
 struct Balance {
     /// Variance of what is no bridge's, relative to the brightness around.
     others: f64,
     /// Cost without bridges.
     cost: f64,
+    /// What bridges cost in the pilot.
+    spent: f64,
     /// By origin and kind: second moments at each of [`SHARES`], and the cost if always tried.
     aims: Vec<([f64; SHARES.len()], f64)>,
     needed: Vec<bool>,
 }
 
 impl Balance {
-    fn new(pixels: &[Pixel], needed: &[bool], mut regions: Regions) -> Self {
+    /// From samples that tried kinds as often as `sparse` says, alike from everywhere.
+    fn new(pixels: &[Pixel], listed: &Listed, mut regions: Regions, sparse: &Tries) -> Self {
+        let needed = &listed.needed;
         let count = (pixels.len() * PASSES as usize).max(1) as f64;
         for pixel in pixels {
             regions.add_samples(pixel.region, PASSES);
@@ -275,6 +327,7 @@ impl Balance {
         let mut aims = vec![([0.0; SHARES.len()], 0.0); needed.len()];
         let mut counters = Counters::default();
         let mut tallies = AimTally::default();
+        let mut spent = 0.0;
         for pixel in pixels {
             let own: f64 = pixel.samples.iter().map(|s| s.own).sum::<f64>() / f64::from(PASSES);
             for sample in &pixel.samples {
@@ -283,20 +336,24 @@ impl Balance {
                 let of_splats = sample.splats.iter().map(|(v, at)| v * v * scale[*at]);
                 others.push(of_own * scale[pixel.region] + of_splats.sum::<f64>());
                 for made in sample.bridges.iter().filter(|made| made.value != 0.0) {
+                    let share = sparse.share(Origin::Start, made.at % sparse.kinds());
                     let moment = made.value * made.value * scale[made.region] / count;
                     for (sum, p) in aims[made.at].0.iter_mut().zip(SHARES) {
-                        *sum += moment / (1.0 - made.weight + p * made.weight);
+                        *sum += moment / (1.0 - made.weight + p / share * made.weight);
                     }
                 }
             }
             counters.add(&pixel.counters);
-            for (aim, tally) in aims.iter_mut().zip(&pixel.tally) {
+            for (at, (aim, tally)) in aims.iter_mut().zip(&pixel.tally).enumerate() {
+                let kind = at % sparse.kinds();
                 tallies.solved += tally.solved;
                 tallies.rays += tally.rays;
-                aim.1 += (SEARCH * tally.solved as f64
+                let price = (listed.searches[kind] * tally.solved as f64
                     + CHAIN * tally.found as f64
                     + SHADOW * tally.rays as f64)
                     / count;
+                spent += price;
+                aim.1 += price / sparse.share(Origin::Start, kind);
             }
         }
         others.sort_by(f64::total_cmp);
@@ -308,14 +365,15 @@ impl Balance {
         Self {
             others: others[..kept].iter().sum::<f64>() / count,
             cost: cost / count,
+            spent,
             aims,
-            needed: needed.to_vec(),
+            needed: needed.clone(),
         }
     }
 
     /// The probabilities that make variance times cost least, each with the others as they are;
-    /// `unseen` of what is needed and not seen.
-    fn shares(&self, unseen: f64) -> Vec<f32> {
+    /// `unseen`, by kind, of what is needed and not seen, and at most [`UNSEEN`].
+    fn shares(&self, unseen: &[f64]) -> Vec<f32> {
         let mut chosen = vec![0; self.aims.len()];
         for _ in 0..ROUNDS {
             let (mut moments, mut cost) = (self.others, self.cost);
@@ -341,7 +399,7 @@ impl Balance {
         let share = |(at, &i): (usize, &usize)| {
             let is_seen = self.aims[at].0[0] != 0.0;
             let p = match (is_seen, self.needed[at]) {
-                (false, true) => unseen,
+                (false, true) => unseen[at % unseen.len()].min(UNSEEN),
                 (false, false) => 0.0,
                 (true, _) => SHARES[i],
             };
@@ -353,20 +411,20 @@ impl Balance {
 
 #[cfg(test)]
 mod tests {
-    use super::{Balance, SHARES, UNSEEN, unseen};
+    use super::{Balance, SHARES, UNSEEN, shared};
 
     #[test]
     fn chains_are_tried_as_often_as_they_gain() {
         // what gives a second moment v alone at every probability, or shares it with others
         let alone = |v: f64| SHARES.map(|p| v / p);
-        let shared = |v: f64, weight: f64| SHARES.map(|p| v / (1.0 - weight + p * weight));
+        let beside = |v: f64, weight: f64| SHARES.map(|p| v / (1.0 - weight + p * weight));
         let aims = vec![
             // cheap, and nothing else makes it well
-            (shared(1.0, 0.99), 0.01),
+            (beside(1.0, 0.99), 0.01),
             // dear, and others make it as well
-            (shared(1e-3, 0.1), 5.0),
+            (beside(1e-3, 0.1), 5.0),
             // the same where it must not be left out
-            (shared(1e-3, 0.1), 5.0),
+            (beside(1e-3, 0.1), 5.0),
             // nothing else makes it, dear
             (alone(0.04), 25.0),
             // never seen
@@ -376,17 +434,18 @@ mod tests {
         let balance = Balance {
             others: 1.0,
             cost: 1.0,
+            spent: 0.0,
             aims,
             needed: vec![false, false, true, false, true, false],
         };
-        let found = balance.shares(UNSEEN);
+        let found = balance.shares(&[1.0]);
         assert_eq!(found[..3], [1.0, 0.0, 0.0625]);
         // sqrt(v T / (V t)) is 1/25, below the least probability
         assert_eq!(found[3], 0.0625);
         assert_eq!(found[4..], [UNSEEN as f32, 0.0]);
-        assert_eq!(
-            [1, 128, 129, 4096].map(unseen),
-            [0.0625, 0.0625, 0.03125, 1.0 / 512.0]
-        );
+        assert_eq!(shared(&[1.0; 2], 8.0), [1.0; 2]);
+        assert_eq!(shared(&[1.0; 129], 8.0)[0], 0.03125);
+        // dear ones less often
+        assert_eq!(shared(&[1.0, 4.0, 4.0], 0.75), [0.5, 0.125, 0.125]);
     }
 }

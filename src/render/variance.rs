@@ -64,6 +64,13 @@ impl PilotPasses {
         lengths.into_iter().find(|&p| p == passes).map(Self)
     }
 
+    /// Samples per pixel of the shortest render with a pilot of this length.
+    #[must_use]
+    pub fn least_samples(self) -> u32 {
+        let found = PASSES.iter().find(|(_, passes)| *passes == self.0);
+        found.map_or(1, |(least, _)| *least)
+    }
+
     /// Whether the render is long enough for a pilot of full length.
     #[must_use]
     pub fn is_full(self) -> bool {
