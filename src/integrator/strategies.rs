@@ -86,12 +86,18 @@ pub fn strategies(
     strategies
 }
 
-/// The chains that are solved for: none with merging. By default only those that lead to where no
-/// other strategy leads well: a vertex behind what is specular seen through what is specular.
+/// The chains that are solved for: none with merging. By default only in the sum of all strategies,
+/// and those that lead to where no other leads well: a vertex behind what is specular seen through
+/// what is specular.
 #[must_use]
 pub fn aims(settings: &Settings, scene: &Scene, sensor: usize) -> Aims {
     let integrator = settings.integrator;
-    if settings.aim == Aiming::Off || integrator.merges() || scene.chains().kinds().is_empty() {
+    let is_on = match settings.aim {
+        Aiming::Off => false,
+        Aiming::Auto => integrator == IntegratorKind::Bdpt,
+        Aiming::All => !integrator.merges(),
+    };
+    if !is_on || scene.chains().kinds().is_empty() {
         return Aims::NONE;
     }
     let camera = &scene.sensors[sensor].camera.kind;
@@ -103,7 +109,7 @@ pub fn aims(settings: &Settings, scene: &Scene, sensor: usize) -> Aims {
         light: from_camera,
         sensor: can_splat,
         through: can_splat,
-        light_everywhere: all || !from_light,
-        sensor_everywhere: all || !from_camera,
+        light_everywhere: all,
+        sensor_everywhere: all,
     }
 }

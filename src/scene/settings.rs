@@ -63,10 +63,11 @@ named! {
     pub enum Aiming {
         /// None.
         Off = "off": "None",
-        /// Where no other strategy makes their paths well.
-        Auto = "auto": "Where no other strategy makes their paths well",
-        /// All that the scene has.
-        All = "all": "All that the scene has",
+        /// With the bidirectional path tracer, where no other strategy makes their paths well; the
+        /// other integrators stay what their names say.
+        Auto = "auto": "With `bdpt`, where no other strategy makes their paths well",
+        /// All that the scene has, with every integrator that does not merge.
+        All = "all": "All that the scene has, also with `path` and `light`",
     }
 }
 
@@ -247,7 +248,7 @@ impl Default for Settings {
             pair_probability: None,
             light_paths: None,
             regularization: Regularization::default(),
-            aim: Aiming::Off,
+            aim: Aiming::Auto,
             merging: Merging::default(),
             show_point_lights: false,
             disabled: BTreeSet::new(),

@@ -392,7 +392,7 @@ fn what_is_saved_has_the_bytes_of_the_command_line() {
     assert_eq!(server.post("/settings", settings).status, 200);
     let state = server.wait_for("done", 2);
     assert_eq!(state["stage"]["settings"]["integrator"], "path");
-    let text = "bdpt, regularize auto, aim off, 4 lanes, 6 passes";
+    let text = "bdpt, regularize auto, aim auto, 4 lanes, 6 passes";
     assert_eq!(state["snapshot"], text);
     assert!(
         server.get("/save.exr").body == bytes(&dir, "c.exr"),

@@ -85,6 +85,7 @@ fn any_order_of_pixels_gives_the_same_bytes() {
     let render = Render::new(&scene, 0, &settings, crop, &request);
     let mut frame = SensorJob::new(&scene, 0, &settings, &crop, false);
     frame.strategies.factors = render.factors().map(|found| &found.factors);
+    frame.strategies.tries = render.tries().map(|found| &found.tries);
     assert!(frame.strategies.factors.is_some());
     let film = Film::new(crop, scene.sensors[0].filter, 3);
     let mut workspace = Workspace::default();

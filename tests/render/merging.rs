@@ -11,7 +11,7 @@ use abbe::math::banding::{Axis, banding};
 use abbe::math::stats::Moments;
 use abbe::render::{OutputRequest, Render};
 use abbe::scene::settings::IntegratorKind::{self, Bdpt, Bpm, Ppm, Vcm};
-use abbe::scene::settings::{Heuristic, Regularize, Sharing};
+use abbe::scene::settings::{Aiming, Heuristic, Regularize, Sharing};
 use abbe::scene::{Scene, Settings};
 use std::ops::Range;
 use std::sync::Arc;
@@ -265,8 +265,9 @@ fn paths_between_specular_surfaces_are_merged_and_regularized_alike() {
         .replace("resolution = [400, 300]", "resolution = [48, 36]");
     let (scene, settings) = scene(&text);
     let crop = full_crop(&scene);
-    let mean = |kind, mode, passes| {
+    let mean = |kind, mode, aim, passes| {
         let mut settings = with(&settings, kind);
+        settings.aim = aim;
         settings.regularization.mode = mode;
         settings.regularization.epsilon = Some(0.02);
         settings.merging.radius = Some(0.08);
@@ -278,16 +279,20 @@ fn paths_between_specular_surfaces_are_merged_and_regularized_alike() {
             .collect();
         Estimate::from_batches(&batches)
     };
-    let unbiased = mean(Bdpt, Regularize::Off, 4);
-    assert_eq!(unbiased.mean, 0.0, "no unbiased strategy makes these paths");
-    let merged = mean(Vcm, Regularize::Off, 12);
-    let regularized = mean(Bdpt, Regularize::Mis, 240);
-    let hybrid = mean(Vcm, Regularize::Mis, 12);
-    println!("merged {merged:?}, regularized {regularized:?}, both {hybrid:?}");
+    let sampled = mean(Bdpt, Regularize::Off, Aiming::Off, 4);
+    assert_eq!(sampled.mean, 0.0, "no sampled strategy makes these paths");
+    let merged = mean(Vcm, Regularize::Off, Aiming::Off, 12);
+    let regularized = mean(Bdpt, Regularize::Mis, Aiming::Off, 240);
+    let hybrid = mean(Vcm, Regularize::Mis, Aiming::Off, 12);
+    let solved = mean(Bdpt, Regularize::Off, Aiming::Auto, 4);
     assert!(merged.mean > 0.0 && merged.error < 0.03 * merged.mean);
-    for (what, other) in [("regularized", regularized), ("both", hybrid)] {
+    for (what, other) in [
+        ("regularized", regularized),
+        ("both", hybrid),
+        ("solved", solved),
+    ] {
         let error = merged.error.hypot(other.error);
-        // both blur, which moves little over the border of the film
+        // merging and cones blur, which moves little over the border of the film
         let allowed = LIMIT * error + 0.01 * merged.mean;
         assert!(
             (merged.mean - other.mean).abs() < allowed,

@@ -10,7 +10,7 @@ use super::harness::{full_crop, measure, scene, test_scale, with};
 use abbe::render::{OutputRequest, Render};
 use abbe::scene::Settings;
 use abbe::scene::settings::Regularize::{Mis, Off, Single};
-use abbe::scene::settings::{IntegratorKind, Regularization, Regularize};
+use abbe::scene::settings::{Aiming, IntegratorKind, Regularization, Regularize};
 
 const LIMIT: f64 = 4.5;
 
@@ -24,6 +24,8 @@ pub fn regularized(settings: &Settings, mode: Regularize, epsilon: f64) -> Setti
             bias_estimate: Some(false),
             ..settings.regularization
         },
+        // what is solved for leaves nothing to regularize
+        aim: Aiming::Off,
         ..settings.clone()
     }
 }

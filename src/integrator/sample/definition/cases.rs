@@ -12,6 +12,7 @@ use crate::medium::MediumId;
 use crate::optics::coating::Thickness;
 use crate::optics::{Layer, Stack};
 use crate::scene::builder::look_at;
+use crate::scene::settings::Aiming;
 use crate::scene::{Scene, SceneBuilder, Settings};
 use crate::spectrum::library::Library;
 use crate::spectrum::{Curve, Emission, Ior};
@@ -131,6 +132,8 @@ impl Parts {
             area.two_sided = true;
         }
         let settings = Settings {
+            // paths with solved chains have a definition of their own
+            aim: Aiming::Off,
             max_depth: Some(6),
             pair_probability: Some(0.5),
             ..Settings::default()
