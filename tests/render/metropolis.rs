@@ -80,11 +80,11 @@ fn pssmlt_has_the_means_of_bdpt() {
         &scene,
         &with(&settings, Bdpt),
         batches,
-        24 * scale,
+        16 * scale,
         &CLASSES,
     );
     // chains from few and from most of the samples, short and long
-    for (mutations, uniform, passes) in [(16, 0.1, 2), (256, 0.1, 2), (64, 0.75, 6)] {
+    for (mutations, uniform, passes) in [(64, 0.1, 2), (16, 0.75, 4)] {
         let settings = pssmlt(&settings, mutations, uniform);
         let found = measure(&scene, &settings, batches, passes * scale, &CLASSES);
         let name = format!("{mutations} mutations, {uniform} uniform");
@@ -246,15 +246,18 @@ fn layers_add_up_to_the_image_and_spectra_have_what_no_eye_sees() {
         });
         Estimate::from_batches(&seeds.collect::<Vec<_>>())
     };
-    let [a, b] = [batch(&settings, 3), batch(&with(&settings, Bdpt), 16)];
-    compare("infrared", "bin", &a, &b, 0.1);
+    let [a, b] = [batch(&settings, 1), batch(&with(&settings, Bdpt), 8)];
+    compare("infrared", "bin", &a, &b, 0.2);
 }
 
 #[test]
 fn errors_are_those_of_independent_chains() {
-    let (scene, settings) = scene(SCENE);
+    // without glass: a caustic would leave the squares of a few seeds to speak for all
+    let diffuse = SCENE.replace("\"clear\"\ninterior = \"flint\"", "\"white\"");
+    assert!(diffuse.len() < SCENE.len());
+    let (scene, settings) = scene(&diffuse);
     let settings = pssmlt(&settings, 64, 0.25);
-    let (seeds, passes) = (32, 4);
+    let (seeds, passes) = (24, 4);
     let render = |seed: u64| {
         let settings = Settings {
             seed,
@@ -320,7 +323,7 @@ fn a_detector_has_a_flux_without_an_error() {
         };
         Estimate::from_batches(&(0..16).map(of).collect::<Vec<_>>())
     };
-    let found = batches(&pssmlt(&settings, 64, 0.2), 8);
-    let expected = batches(&with(&settings, Bdpt), 40);
-    compare("detector", "flux", &found, &expected, 0.03);
+    let found = batches(&pssmlt(&settings, 64, 0.2), 4);
+    let expected = batches(&with(&settings, Bdpt), 20);
+    compare("detector", "flux", &found, &expected, 0.05);
 }
