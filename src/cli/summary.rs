@@ -163,6 +163,18 @@ pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats, scene: &
             merging.wavelengths.largest_gap_nm,
         );
     }
+    if let Some(chains) = stats.chains {
+        let [small, large] = &stats.counters.steps;
+        _ = writeln!(
+            text,
+            "  chains    {}; of {} large steps {} were accepted, of {} small ones {}",
+            counted(chains, "chain", "chains"),
+            large.tried,
+            percent(large.acceptance()),
+            small.tried,
+            percent(small.acceptance()),
+        );
+    }
     let unexpected = unexpected(stats, scene);
     let trouble = [
         (

@@ -7,5 +7,7 @@ pub mod strategies;
 
 pub use companion::Companion;
 pub use photons::PhotonTracer;
-pub use sample::{LightWalks, SensorJob, Workspace, sample_and_merge, sample_pixel};
+pub use sample::{
+    LightWalks, SensorJob, Workspace, sample_and_merge, sample_pixel, sample_primary,
+};
 pub use strategies::{aims, strategies};

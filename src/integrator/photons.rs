@@ -27,7 +27,9 @@ impl PhotonTracer {
         // what paths are worth to a sensor is of no use here
         let response = SensorResponse::Xyz;
         let (placements, media) = (&mut self.placements, &mut self.media);
-        let (sampler, context) = begin(job, pass, pixel, response, placements, media);
+        let sampler = job.sampler(pass, pixel);
+        let numbers = (&sampler, pixel);
+        let context = begin(job, pass, numbers, response, placements, media);
         let (light, counters) = (&mut self.light, &mut self.counters);
         if start_light(&context, light, job.max_depth(), &sampler, counters) {
             let before = buffer.len();

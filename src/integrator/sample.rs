@@ -8,7 +8,7 @@ use super::{Companion, aims, strategies};
 use crate::bsdf::Side;
 use crate::film::Crop;
 use crate::geometry::{Placements, Ray};
-use crate::sampler::{Draw, Sampler};
+use crate::sampler::{Draw, Pixels, Primary, Sampler};
 use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::Sharing;
 use crate::scene::{Scene, Settings};
@@ -24,6 +24,7 @@ use crate::transport::{
     Throughput,
 };
 use glam::DVec2;
+use std::mem;
 
 /// Light sub-paths that a sample traces. Whatever it is, the strategies that take them count in the
 /// weights as often as the strategies say.
@@ -135,10 +136,33 @@ impl<'a> SensorJob<'a> {
     }
 
     /// The numbers of one pixel in a pass.
-    fn sampler(&self, pass: &PassSettings, (x, y): (u32, u32)) -> Sampler {
+    pub(super) fn sampler(&self, pass: &PassSettings, (x, y): (u32, u32)) -> Sampler<'static> {
         let width = self.scene.sensors[self.sensor].camera.resolution().width;
         let pixel = u64::from(y) * u64::from(width) + u64::from(x);
         Sampler::new(self.settings.seed, self.sensor as u32, pixel, pass.index)
+    }
+
+    /// The primary wavelength number of a pixel's sample.
+    fn wavelength_number(&self, sampler: &Sampler, pixel: (u32, u32)) -> f64 {
+        let size = self.scene.sensors[self.sensor].camera.resolution();
+        sampler.wavelength(pixel, (size.width, size.height), self.settings.seed)
+    }
+
+    /// The sample of a pixel in a pass as a point from which a Markov chain over the pixels of
+    /// `crop` goes on.
+    #[must_use]
+    pub fn primary(&self, pass: &PassSettings, pixel: (u32, u32), crop: &Crop) -> Primary {
+        let sampler = self.sampler(pass, pixel);
+        let pixels = Pixels {
+            first: [crop.x0, crop.y0],
+            size: [crop.width(), crop.height()],
+        };
+        Primary::of_sample(
+            sampler,
+            pixel,
+            self.wavelength_number(&sampler, pixel),
+            pixels,
+        )
     }
 }
 
@@ -204,6 +228,15 @@ impl Workspace {
         &self.scratch.events
     }
 
+    /// Contributions and vertices of the last sample, which leaves these buffers to the next one.
+    pub fn exchange(
+        &mut self,
+        (contributions, events): (Vec<Contribution>, Vec<Event>),
+    ) -> (Vec<Contribution>, Vec<Event>) {
+        let last = mem::replace(&mut self.contributions, contributions);
+        (last, mem::replace(&mut self.scratch.events, events))
+    }
+
     /// The last sample's camera sub-path.
     #[must_use]
     pub fn camera_subpath(&self) -> &Subpath {
@@ -215,23 +248,17 @@ impl Workspace {
 pub(super) fn begin<'a>(
     job: &SensorJob<'a>,
     pass: &'a PassSettings,
-    (x, y): (u32, u32),
+    (sampler, pixel): (&Sampler, (u32, u32)),
     response: SensorResponse,
     placements: &'a mut Placements,
     media: &'a mut MediaLanes,
-) -> (Sampler, PathContext<'a>) {
+) -> PathContext<'a> {
     let scene = job.scene;
-    let resolution = scene.sensors[job.sensor].camera.resolution();
-    let sampler = job.sampler(pass, (x, y));
     let lanes = job.lanes();
     let u_wavelength = match &pass.shared {
-        None => sampler.wavelength(
-            (x, y),
-            (resolution.width, resolution.height),
-            job.settings.seed,
-        ),
+        None => job.wavelength_number(sampler, pixel),
         Some(shared) => {
-            let turn = f64::from(shared.hero((x, y))) / lanes as f64;
+            let turn = f64::from(shared.hero(pixel)) / lanes as f64;
             (shared.u_wavelength + turn).fract()
         }
     };
@@ -246,15 +273,14 @@ pub(super) fn begin<'a>(
         sensor.shutter.open_s
     };
     media.update(scene, &wavelengths);
-    let context = PathContext {
+    PathContext {
         scene: scene.at(time, placements),
         sensor: job.sensor,
         pass,
         media,
         response: response.at(&wavelengths),
         wavelengths,
-    };
-    (sampler, context)
+    }
 }
 
 /// Computes one sample of pixel (x, y) into the workspace, without merging. The contributions are
@@ -278,7 +304,33 @@ pub fn sample_and_merge(
     job: &SensorJob,
     pass: &PassSettings,
     photons: Option<&PhotonMap>,
-    (x, y): (u32, u32),
+    pixel: (u32, u32),
+    response: SensorResponse,
+    workspace: &mut Workspace,
+) -> LaneResponse {
+    workspace.counters.paths += 1;
+    let numbers = (job.sampler(pass, pixel), pixel);
+    sample(job, pass, photons, numbers, response, workspace)
+}
+
+/// The sample of the point of a Markov chain, or of the one that it tries, without merging. It is
+/// not counted as a path of its pixel.
+pub fn sample_primary(
+    job: &SensorJob,
+    pass: &PassSettings,
+    point: &Primary,
+    response: SensorResponse,
+    workspace: &mut Workspace,
+) -> LaneResponse {
+    let numbers = (point.sampler(), point.pixel());
+    sample(job, pass, None, numbers, response, workspace)
+}
+
+fn sample(
+    job: &SensorJob,
+    pass: &PassSettings,
+    photons: Option<&PhotonMap>,
+    (sampler, (x, y)): (Sampler, (u32, u32)),
     response: SensorResponse,
     workspace: &mut Workspace,
 ) -> LaneResponse {
@@ -300,8 +352,7 @@ pub fn sample_and_merge(
     scratch.events.clear();
     companions.resize_with(job.companions.len(), Vec::new);
     companions.iter_mut().for_each(Vec::clear);
-    counters.paths += 1;
-    let (sampler, context) = begin(job, pass, (x, y), response, placements, media);
+    let context = begin(job, pass, (&sampler, (x, y)), response, placements, media);
     let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.set(Draw::Film);
     let max_depth = job.max_depth();
 

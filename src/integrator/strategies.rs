@@ -72,7 +72,7 @@ pub fn strategies(
             arrivals: true,
             ..none
         },
-        IntegratorKind::Bdpt => every,
+        IntegratorKind::Bdpt | IntegratorKind::Pssmlt => every,
         IntegratorKind::Vcm => StrategySet {
             merge: merge(MergeRule::Every, false),
             ..every

@@ -7,7 +7,7 @@ use crate::math::hash::hash_bytes;
 use crate::optics::Polarization;
 use crate::render::{EpsilonChoice, RadiusChoice, Render};
 use crate::scene::description::WavelengthChoice;
-use crate::scene::settings::{Merging, Regularization};
+use crate::scene::settings::{Merging, Metropolis, Regularization};
 use crate::scene::{Scene, Sensor, Settings, WavelengthSettings};
 use crate::spectrum::SensorResponse;
 use std::collections::BTreeMap;
@@ -225,7 +225,7 @@ fn further_values(settings: &Settings) -> Values {
     // by name, so that a new setting cannot be forgotten; passes and seeds are counted by the
     // header
     let Settings {
-        integrator: _,
+        integrator,
         spp: _,
         seed: _,
         lanes: _,
@@ -236,6 +236,7 @@ fn further_values(settings: &Settings) -> Values {
         regularization,
         aim,
         merging,
+        metropolis,
         show_point_lights,
         disabled,
     } = settings;
@@ -254,7 +255,7 @@ fn further_values(settings: &Settings) -> Values {
     } = merging;
     let or_auto = |value: Option<String>| value.unwrap_or_else(|| "auto".to_owned());
     let disabled: Vec<String> = disabled.iter().map(|(s, t)| format!("s{s}t{t}")).collect();
-    vec![
+    let mut values = vec![
         (
             "pairProbability",
             or_auto(pair_probability.map(|p| p.to_string())),
@@ -274,7 +275,13 @@ fn further_values(settings: &Settings) -> Values {
         ("mergeSharing", sharing.to_string()),
         ("showPointLights", show_point_lights.to_string()),
         ("disabled", disabled.join(" ")),
-    ]
+    ];
+    if integrator.runs_chains() {
+        let Metropolis { mutations, uniform } = metropolis;
+        values.push(("metropolisMutations", mutations.to_string()));
+        values.push(("metropolisUniform", uniform.to_string()));
+    }
+    values
 }
 
 /// Hash of all that changes the estimate but scene, seed and passes: of the named values, so that

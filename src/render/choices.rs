@@ -6,7 +6,7 @@ use super::effort::has_choice;
 use super::variance::{self, cells, has_factors};
 use super::{
     EffortChoice, EpsilonChoice, PilotPasses, RadiusChoice, TriesChoice, VarianceFactors, effort,
-    epsilon, merging, pilot, tries,
+    epsilon, merging, metropolis, pilot, tries,
 };
 use crate::film::Crop;
 use crate::integrator::SensorJob;
@@ -35,7 +35,15 @@ pub struct Choices {
     /// Share of contributions below which roulette decides on their shadow rays, in Y.
     #[serde(with = "exact")]
     pub roulette_threshold: f64,
+    /// Mean brightness of a sample, roughly, where Markov chains draw samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub brightness: Option<Brightness>,
 }
+
+/// The constant by which ordinary samples and those of Markov chains are weighted together.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Brightness(#[serde(with = "exact")] pub f64);
 
 impl Choices {
     /// Runs the pilots.
@@ -57,6 +65,11 @@ impl Choices {
         let given = factors.as_ref().map(|found| &found.factors);
         let effort = effort::choose(&aiming, given, crop, response, pilot);
         let roulette_threshold = pilot::roulette_threshold(&aiming, cone, response);
+        let brightness = aiming.settings.integrator.runs_chains().then(|| {
+            let mut weighted = aiming.clone();
+            weighted.strategies.factors = given;
+            Brightness(metropolis::mean_brightness(&weighted, crop, cone, response))
+        });
         Self {
             epsilon,
             radius,
@@ -64,6 +77,7 @@ impl Choices {
             factors,
             effort,
             roulette_threshold,
+            brightness,
         }
     }
 
@@ -76,6 +90,7 @@ impl Choices {
             factors,
             effort,
             roulette_threshold,
+            brightness,
         } = self;
         let is_positive = |v: f64| v > 0.0 && v.is_finite();
         epsilon.is_some() == is_regularized(frame)
@@ -92,6 +107,8 @@ impl Choices {
                 has_choice(frame) && in_range(e.light_paths, 16.0) && in_range(e.pairs, 1.0)
             })
             && *roulette_threshold >= 0.0
+            && brightness.is_some() == frame.settings.integrator.runs_chains()
+            && brightness.is_none_or(|b| is_positive(b.0))
             && factors.as_ref().is_none_or(|found| {
                 let (has, own) = (found.factors.cells(), cells(crop));
                 // by rule there is one cell for all of the film

@@ -87,4 +87,15 @@ impl Flux {
             });
         flux
     }
+
+    /// The same, of pixels whose errors are not independent.
+    #[must_use]
+    pub fn without_errors(mut self) -> Self {
+        let lines = self.lines_w.iter_mut().map(|line| &mut line.1);
+        let classes = self.classes_lm.iter_mut().map(|class| &mut class.1);
+        let totals = lines.chain(classes).chain(&mut self.continuum_w);
+        totals.for_each(|total| total.error = None);
+        self.luminous_lm.error = None;
+        self
+    }
 }

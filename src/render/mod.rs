@@ -14,6 +14,7 @@ pub mod guides;
 pub mod look;
 pub mod memory;
 pub mod merging;
+pub mod metropolis;
 pub mod outputs;
 pub mod pass;
 pub mod pilot;
@@ -223,6 +224,20 @@ impl Render {
         }
     }
 
+    /// Whether a pass that is not whole is of no use: where its photons or the brightness of its
+    /// samples would have to be kept with it.
+    pub(super) fn keeps_whole_passes_only(&self) -> bool {
+        self.choices.radius.is_some() || self.choices.brightness.is_some()
+    }
+
+    /// Number of Markov chains that the passes done have run, where they run any.
+    #[must_use]
+    pub fn chains(&self) -> Option<u64> {
+        self.choices.brightness?;
+        let of_pass = metropolis::chains(&self.settings.metropolis, self.crop.pixels());
+        Some(of_pass * self.passes.len() as u64)
+    }
+
     /// Radius of merging in pass `index` in metres, `None` without merging.
     #[must_use]
     pub fn radius_of_pass(&self, index: u32) -> Option<f64> {
@@ -353,6 +368,10 @@ impl Render {
         let mut frame = self.frame();
         frame.companions = self.companions_of(&frame, flight.index);
         let mut pass = self.settings_of(&frame, flight.index);
+        if let Some(constant) = self.choices.brightness {
+            let counts = &mut flight.counts;
+            return metropolis::render_pass(&frame, &pass, constant.0, films[0], watch, counts);
+        }
         let mut photons = None;
         if self.choices.radius.is_some() {
             let cancelled = || watch.is_cancelled();
@@ -464,15 +483,29 @@ impl Render {
         let area = sensor.camera.detector_area(sensor.shutter.open_s.into())?;
         let size = sensor.camera.resolution();
         let pixel_m2 = area / (f64::from(size.width) * f64::from(size.height));
-        Some(Flux::new(&self.outputs, pixel_m2, self.pass_counts()))
+        let flux = Flux::new(&self.outputs, pixel_m2, self.pass_counts());
+        Some(match self.chains() {
+            None => flux,
+            // the pixels of a chain err together
+            Some(_) => flux.without_errors(),
+        })
     }
 
-    /// Estimated error of the image. `None` before both halves of the passes have one or while the
-    /// image is black.
+    /// Estimated error of the image. `None` before both halves of the passes have one, or 32 Markov
+    /// chains where these draw samples, and while the image is black.
     #[must_use]
     pub fn error(&self) -> Option<ErrorEstimate> {
         let [even, odd] = self.pass_counts();
-        error::error_estimate(&self.outputs.image, even, odd)
+        let error = error::error_estimate(&self.outputs.image, even, odd)?;
+        let Some(chains) = self.chains() else {
+            return Some(error);
+        };
+        // halves share no chain, so that the spread between chains is in their difference; but no
+        // more than these are independent
+        (chains >= metropolis::LEAST_CHAINS_FOR_ERROR).then(|| ErrorEstimate {
+            effective_pixels: error.effective_pixels.min(chains as f64),
+            ..error
+        })
     }
 }
 

@@ -57,6 +57,14 @@ pub(super) struct PassCounts {
     pub photon_bytes: u64,
 }
 
+impl PassCounts {
+    /// Adds those of a thread.
+    pub fn add(&mut self, local: Local) {
+        self.counters.add(&local.workspace.counters);
+        merge_tables(&mut self.tables, local.tables);
+    }
+}
+
 /// A pass in flight: what is done of it.
 #[derive(Debug)]
 pub(super) struct Flight {
@@ -108,10 +116,19 @@ pub fn tile_pixels(crop: &Crop) -> impl Iterator<Item = u16> + use<> {
 
 /// Buffers and sums of one thread during a pass.
 #[derive(Default)]
-struct Local {
-    workspace: Workspace,
-    values: Vec<f64>,
-    tables: Vec<ClassTable>,
+pub(super) struct Local {
+    pub workspace: Workspace,
+    pub values: Vec<f64>,
+    pub tables: Vec<ClassTable>,
+}
+
+impl Local {
+    /// With the counts of another thread.
+    pub fn merged(mut self, more: Self) -> Self {
+        self.workspace.counters.add(&more.workspace.counters);
+        merge_tables(&mut self.tables, more.tables);
+        self
+    }
 }
 
 fn merge_tables(sums: &mut Vec<ClassTable>, more: Vec<ClassTable>) {
@@ -163,13 +180,8 @@ pub(super) fn render_tiles(
         .par_iter()
         .zip(&mut flight.done)
         .fold(Local::default, render_tile)
-        .reduce(Local::default, |mut a, b| {
-            a.workspace.counters.add(&b.workspace.counters);
-            merge_tables(&mut a.tables, b.tables);
-            a
-        });
-    flight.counts.counters.add(&local.workspace.counters);
-    merge_tables(&mut flight.counts.tables, local.tables);
+        .reduce(Local::default, Local::merged);
+    flight.counts.add(local);
     tiles.iter().zip(&flight.done).all(is_whole)
 }
 
@@ -211,7 +223,7 @@ fn render_pixel(
 }
 
 /// Adds a sample to the main image of a film, and to the table where one is kept.
-fn add_sample(
+pub(super) fn add_sample(
     contributions: &[Contribution],
     response: &LaneResponse,
     outputs: &Outputs,

@@ -3,8 +3,8 @@
 //!
 //! Invariant: outside of [`Session::step`] the films hold whole passes only. In a live session they
 //! do at any time: a pass is traced into films of its own, which are added when it is complete. One
-//! that is cancelled or paused is gone on with by the next step, pixel by pixel; with photons,
-//! which would have to be kept as well, it is dropped.
+//! that is cancelled or paused is gone on with by the next step, pixel by pixel; with photons
+//! or Markov chains, for which more would have to be kept, it is dropped.
 
 use super::clock::PassTime;
 use super::forecast::{ErrorHistory, Forecast};
@@ -424,22 +424,23 @@ impl Session {
             return true;
         };
         let render = self.view.read();
-        let merges = render.radius().is_some();
-        let interval = self.save_interval.filter(|_| self.pauses && !merges);
+        let whole_only = render.keeps_whole_passes_only();
+        let interval = self.save_interval.filter(|_| self.pauses && !whole_only);
         let watch = Watch {
             cancel: Some(&self.cancel),
             pause_at: interval.and_then(|most| self.saved.checked_add(most)),
             observer,
         };
         let begun = self.flight.take();
-        let is_other = begun.as_ref().is_some_and(|flight| flight.index != pass);
+        let is_other = |flight: &Flight| flight.index != pass || render.chains().is_some();
+        let is_other = begun.as_ref().is_some_and(is_other);
         if is_other {
             *staging = render.empty_films();
         }
         let begun = begun.filter(|_| !is_other);
         let mut flight = begun.unwrap_or_else(|| Flight::new(pass, &render.crop()));
         if !render.trace(&mut flight, &staging.iter().collect::<Vec<_>>(), &watch) {
-            if merges {
+            if whole_only {
                 *staging = render.empty_films();
             } else if flight.has_begun() {
                 self.flight = Some(flight);

@@ -8,7 +8,7 @@ use crate::render::stop::StopReason;
 use crate::render::table::ClassShare;
 use crate::render::{ErrorEstimate, Flux, Render, SharedWavelengths, Total};
 use crate::scene::effects::Effect;
-use crate::transport::Counters;
+use crate::transport::{Counters, StepCount};
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -130,6 +130,8 @@ pub struct SensorStats {
     pub epsilon: Option<EpsilonStats>,
     /// Photons, if there were any.
     pub merging: Option<MergeStats>,
+    /// Markov chains, resumed ones included, if there were any.
+    pub chains: Option<u64>,
     regularization: Effect,
     table: Vec<Value>,
 }
@@ -175,6 +177,7 @@ impl SensorStats {
             rarely_hit: render.table().rarely_hit(FEW_HITS),
             epsilon: EpsilonStats::new(render),
             merging: MergeStats::new(render),
+            chains: render.chains(),
             regularization: render.regularization().effect(),
             table: rows.collect(),
             counters,
@@ -217,10 +220,17 @@ impl SensorStats {
             "rarely_hit": self.rarely_hit.iter().map(class_json).collect::<Vec<_>>(),
             "regularization": self.regularization,
             "epsilon": self.epsilon.as_ref().map(EpsilonStats::json),
+            "metropolis": self.chains.map(|chains| chains_json(chains, c)),
             "merging": self.merging.as_ref().map(|m| m.json(c, self.passes.len())),
             "classes": self.table,
         })
     }
+}
+
+fn chains_json(chains: u64, counters: &Counters) -> Value {
+    let steps = |s: &StepCount| json!({ "tried": s.tried, "accepted": s.accepted });
+    let [small, large] = &counters.steps;
+    json!({ "chains": chains, "small_steps": steps(small), "large_steps": steps(large) })
 }
 
 fn forecast_json((target, forecast): (f64, Forecast)) -> Value {

@@ -2,7 +2,7 @@
 //!
 //! Each decision of a sample has a name and asks for its numbers by it ([`Draw`]), in any order and
 //! whatever else was decided: the same vertex has the same dimensions of the low-discrepancy
-//! sequence in every pass, and a Metropolis sampler can take the same place.
+//! sequence in every pass, and a point of primary sample space ([`Primary`]) takes the same place.
 //!
 //! Wavelengths have a sequence of their own, over pixels and passes at once: one digital net in
 //! base 2 (Niederreiter, "Point sets and sequences with small discrepancy", 1987), scrambled as a
@@ -13,7 +13,12 @@
 //! any aligned 2^q passes of a half lie one in each of 2^q boxes, whatever their shape (the
 //! (0,2)-sequence of Sobol').
 
+pub mod primary;
+
+pub use primary::{Pixels, Primary};
+
 use crate::math::hash::{combine, random_bits, unit_f64};
+use primary::Name;
 use sobol_burley::parts::owen_scramble_rev;
 
 /// A decision of one sample that takes random numbers. The first few of each kind are stratified
@@ -109,18 +114,28 @@ impl Draw {
     }
 }
 
+impl Draw {
+    /// A number that no other draw has; the last two bits are free.
+    fn code(self) -> u64 {
+        let Place { kind, index, .. } = self.place();
+        kind << 58 | index << 2
+    }
+}
+
 /// All numbers of one sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Sampler {
+pub struct Sampler<'a> {
     key: u64,
     /// Index within the low-discrepancy sequence, and the key of its scrambling (the same for all
     /// indices of a pixel).
     index: u32,
     scramble: u64,
     pass: u32,
+    /// The point of a Markov chain whose numbers these are, for light sub-path `index`.
+    primary: Option<&'a Primary>,
 }
 
-impl Sampler {
+impl Sampler<'_> {
     /// The numbers of pass `pass` of a pixel. Even and odd passes are scrambled independently, so
     /// that the two halves of the passes are independent estimates.
     #[must_use]
@@ -136,6 +151,7 @@ impl Sampler {
             index: index & 0xffff,
             scramble,
             pass,
+            primary: None,
         }
     }
 
@@ -144,6 +160,9 @@ impl Sampler {
     pub fn fork(&self, n: u32) -> Self {
         if n == 0 {
             return *self;
+        }
+        if self.primary.is_some() {
+            return Self { index: n, ..*self };
         }
         Self {
             key: combine(self.key, u64::from(n)),
@@ -156,6 +175,9 @@ impl Sampler {
     /// over neighboring pixels and passes together.
     #[must_use]
     pub fn wavelength(&self, pixel: (u32, u32), size: (u32, u32), seed: u64) -> f64 {
+        if let Some(primary) = self.primary {
+            return primary.number(Name::Wavelength);
+        }
         // the same for all pixels, but not for the two halves of the passes
         let common = combine(combine(seed, 0x5741_5645), u64::from(self.pass & 1));
         // bit r is binary digit r + 1 of the number
@@ -168,6 +190,9 @@ impl Sampler {
     /// The number of the moment in the shutter, in [0, 1).
     #[must_use]
     pub fn time(&self) -> f64 {
+        if let Some(primary) = self.primary {
+            return primary.number(Name::Time);
+        }
         let scramble = combine(self.scramble, 0x7469_6d65) as u32;
         let stratum = owen_scramble_rev(pascal_transposed(self.index), scramble).reverse_bits();
         (f64::from(stratum) + unit_f64(random_bits(self.key, u64::MAX - 1)))
@@ -177,6 +202,9 @@ impl Sampler {
     /// Four numbers, each in [0, 1) with 53 random bits.
     #[must_use]
     pub fn set(&self, draw: Draw) -> [f64; 4] {
+        if let Some(primary) = self.primary {
+            return primary.set(self.index, draw);
+        }
         let place = draw.place();
         let Place { kind, index, .. } = place;
         let Some(set) = place.set else {
@@ -197,6 +225,9 @@ impl Sampler {
     /// One number in [0, 1) for a draw that is never stratified.
     #[must_use]
     pub fn number(&self, draw: Draw) -> f64 {
+        if let Some(primary) = self.primary {
+            return primary.set(self.index, draw)[0];
+        }
         let Place { kind, index, .. } = draw.place();
         unit_f64(self.bits(kind, index, 0))
     }

@@ -20,6 +20,9 @@ named! {
         /// Photon merging at the first non-specular vertex from the camera (Hachisuka et al. 2008);
         /// paths without one as they are hit.
         Ppm = "ppm": "Photon merging at the first such vertex from the camera",
+        /// The samples of [`IntegratorKind::Bdpt`], drawn by Markov chains in proportion to their
+        /// brightness (Kelemen et al. 2002).
+        Pssmlt = "pssmlt": "As bdpt, by Metropolis sampling",
     }
 }
 
@@ -30,10 +33,16 @@ impl IntegratorKind {
         matches!(self, Self::Vcm | Self::Bpm | Self::Ppm)
     }
 
+    /// Whether Markov chains draw the samples.
+    #[must_use]
+    pub fn runs_chains(self) -> bool {
+        self == Self::Pssmlt
+    }
+
     /// Whether inner vertices of two sub-paths are connected.
     #[must_use]
     pub fn connects_pairs(self) -> bool {
-        matches!(self, Self::Bdpt | Self::Vcm)
+        matches!(self, Self::Bdpt | Self::Vcm | Self::Pssmlt)
     }
 
     /// Whether paths with a non-specular vertex are made by merging alone.
@@ -88,6 +97,25 @@ impl Default for Merging {
             radius: None,
             alpha: 2.0 / 3.0,
             sharing: Sharing::Hero,
+        }
+    }
+}
+
+/// Metropolis sampling.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Metropolis {
+    /// Mutations of a chain, at least 1.
+    pub mutations: u32,
+    /// Share of a pass's samples that are ordinary ones, one in each pixel, in (0, 1); the chains
+    /// take the others.
+    pub uniform: f64,
+}
+
+impl Default for Metropolis {
+    fn default() -> Self {
+        Self {
+            mutations: 256,
+            uniform: 0.25,
         }
     }
 }
@@ -229,6 +257,8 @@ pub struct Settings {
     pub aim: Aiming,
     /// Photon merging, where the algorithm does it.
     pub merging: Merging,
+    /// Metropolis sampling, where the algorithm does it.
+    pub metropolis: Metropolis,
     /// Also shows paths from a light without extent to a pinhole over specular vertices alone:
     /// points of finite flux, which become discs of radius ε.
     pub show_point_lights: bool,
@@ -250,6 +280,7 @@ impl Default for Settings {
             regularization: Regularization::default(),
             aim: Aiming::Auto,
             merging: Merging::default(),
+            metropolis: Metropolis::default(),
             show_point_lights: false,
             disabled: BTreeSet::new(),
         }

@@ -10,6 +10,10 @@ use super::{MAX_LANES, SampledWavelengths};
 /// Luminous efficacy of 540 THz, lm/W (SI definition of the candela).
 pub const MAX_EFFICACY_LM_PER_W: f64 = 683.0;
 
+/// Importance of power that no eye sees, as a share of that of visible power
+/// ([`SensorResponse::importance`]).
+const INVISIBLE: f64 = 0.01;
+
 /// Quantity that the three channels of an image measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorResponse {
@@ -46,12 +50,26 @@ impl SensorResponse {
         }
     }
 
-    /// X, Y and Z of unit power at a wavelength.
-    fn of(self, lambda_nm: f64) -> [f64; 3] {
-        let scale = match self {
+    /// One number above 0 for a path's contributions wherever there are any: their brightness,
+    /// and a hundredth of what power that no eye sees would be worth at its best.
+    #[must_use]
+    pub fn importance(self, response: &LaneResponse, contributions: &[f64; MAX_LANES]) -> f64 {
+        let LaneResponse { wavelengths, .. } = response;
+        let power = |lane: usize| contributions[lane] / wavelengths.pdf(lane);
+        let power: f64 = (0..wavelengths.count()).map(power).sum();
+        response.brightness(contributions) + INVISIBLE * self.scale() * power
+    }
+
+    fn scale(self) -> f64 {
+        match self {
             Self::Xyz => 1.0 / N_Y,
             Self::Photometric => MAX_EFFICACY_LM_PER_W,
-        };
+        }
+    }
+
+    /// X, Y and Z of unit power at a wavelength.
+    fn of(self, lambda_nm: f64) -> [f64; 3] {
+        let scale = self.scale();
         cie::cmf(lambda_nm).map(|matching| scale * matching)
     }
 }

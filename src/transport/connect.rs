@@ -52,7 +52,7 @@ pub struct Joiner<'a> {
     /// one camera vertex gives one.
     pub detailed: bool,
     /// Random numbers of the sample.
-    pub sampler: Sampler,
+    pub sampler: Sampler<'a>,
     /// Counts.
     pub counters: &'a mut Counters,
     /// Contributions found.

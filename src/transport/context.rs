@@ -74,6 +74,31 @@ pub struct Counters {
     pub mismatched: Option<InstanceId>,
     /// Sub-paths cut because more solids were nested than a stack holds.
     pub nesting_overflows: u64,
+    /// Small and large steps of Markov chains, whose samples are none of the path pairs.
+    pub steps: [StepCount; 2],
+}
+
+/// Steps of Markov chains.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StepCount {
+    /// Steps tried.
+    pub tried: u64,
+    /// Steps accepted.
+    pub accepted: u64,
+}
+
+impl StepCount {
+    /// Counts one.
+    pub fn count(&mut self, is_accepted: bool) {
+        self.tried += 1;
+        self.accepted += u64::from(is_accepted);
+    }
+
+    /// Share of those accepted; 0 without any.
+    #[must_use]
+    pub fn acceptance(&self) -> f64 {
+        self.accepted as f64 / self.tried.max(1) as f64
+    }
 }
 
 impl Counters {
@@ -97,6 +122,10 @@ impl Counters {
         self.medium_mismatches += other.medium_mismatches;
         self.mismatched = first(self.mismatched, other.mismatched);
         self.nesting_overflows += other.nesting_overflows;
+        for (ours, theirs) in self.steps.iter_mut().zip(other.steps) {
+            ours.tried += theirs.tried;
+            ours.accepted += theirs.accepted;
+        }
     }
 }
 

@@ -21,6 +21,7 @@ mod harness;
 mod lanes;
 mod lens;
 mod merging;
+mod metropolis;
 mod models;
 mod motion;
 mod regularized;

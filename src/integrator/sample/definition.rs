@@ -489,7 +489,8 @@ fn check(
             let (mut placements, mut media) = (Placements::default(), MediaLanes::default());
             let (placements, media) = (&mut placements, &mut media);
             let xyz = SensorResponse::Xyz;
-            let (_, context) = begin(&job, &pass, (x, y), xyz, placements, media);
+            let sampler = job.sampler(&pass, (x, y));
+            let context = begin(&job, &pass, (&sampler, (x, y)), xyz, placements, media);
             for made in take() {
                 let path = Finished::new(&context, &workspace.light, &workspace.camera, &made);
                 let what = || {

@@ -9,8 +9,8 @@ use crate::math::named::named;
 use crate::optics::Polarization;
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
 use crate::scene::settings::{
-    Aiming, FilterKind, Heuristic, IntegratorKind, Merging, OutputUnits, Regularization,
-    Regularize, Settings, Sharing, SingleRule,
+    Aiming, FilterKind, Heuristic, IntegratorKind, Merging, Metropolis, OutputUnits,
+    Regularization, Regularize, Settings, Sharing, SingleRule,
 };
 use std::f64::consts::FRAC_PI_2;
 use toml::de::DeValue;
@@ -20,6 +20,8 @@ const SEED: Range = Range::closed(0.0, i64::MAX as f64, "0 to 2^63 - 1");
 const DEPTH: Range = Range::closed(0.0, 65_535.0, "0 to 65535, or leave it out for no limit");
 const PROBABILITY: Range = Range::above(0.0, 1.0, "above 0, at most 1");
 const LIGHT_PATHS: Range = Range::above(0.0, 16.0, "above 0, at most 16");
+const MUTATIONS: Range = Range::closed(1.0, 1_000_000.0, "1 to 1000000");
+const UNIFORM: Range = Range::closed(0.01, 0.99, "0.01 to 0.99");
 const WAVELENGTH: Range = Range::closed(100.0, 20_000.0, "100 to 20000 nm");
 const CONE: Range = Range::closed(1e-9, FRAC_PI_2, "1e-9 to pi/2 radians, or \"auto\"");
 const LEAST_CONE: Range = Range::closed(0.0, FRAC_PI_2, "0 to pi/2 radians");
@@ -223,6 +225,28 @@ impl Value for Wavelengths {
 }
 
 keys! {
+    /// Metropolis sampling.
+    MetropolisKeys = "metropolis" {
+        /// Mutations of a chain.
+        mutations: i64, in MUTATIONS, default i64::from(Metropolis::default().mutations);
+        /// Share of the samples that are ordinary ones, one per pixel and pass; chains take the
+        /// others.
+        uniform: f64, in UNIFORM, default Metropolis::default().uniform;
+    }
+}
+
+impl Build for MetropolisKeys {
+    type Output = Metropolis;
+
+    fn build(self, _: &Table<'_>, _: &mut Reader<'_>) -> Option<Metropolis> {
+        Some(Metropolis {
+            mutations: self.mutations as u32,
+            uniform: self.uniform,
+        })
+    }
+}
+
+keys! {
     /// How the scene is rendered.
     RenderKeys = "render" {
         /// The algorithm.
@@ -277,6 +301,8 @@ keys! {
         /// Wavelengths and time that the paths of a pass share where photons are merged. With
         /// `"stratified"` the error estimated from even and odd passes is only a guide.
         sharing: Sharing, default Merging::default().sharing;
+        /// Chains of `integrator = "pssmlt"`.
+        metropolis: Option<Built<MetropolisKeys>>;
     }
 }
 
@@ -331,6 +357,7 @@ impl Build for RenderKeys {
                 alpha: self.merge_alpha,
                 sharing: self.sharing,
             },
+            metropolis: self.metropolis.map_or_else(Metropolis::default, |m| m.0),
             show_point_lights: self.show_point_lights,
             ..Settings::default()
         };

@@ -194,13 +194,14 @@ impl<'a> Base<'a> {
     }
 
     fn methods(&self) -> Vec<Variant> {
-        use IntegratorKind::{Bdpt, Light, Path, Vcm};
+        use IntegratorKind::{Bdpt, Light, Path, Pssmlt, Vcm};
         use Regularize::{Mis, Off, Single};
         // a further integrator is a further line here
         let mut methods = vec![(Path, Off), (Light, Off), (Bdpt, Off), (Vcm, Off)];
+        methods.push((Pssmlt, Off));
         if self.has(EffectKind::Specular) {
             methods.splice(3..3, [(Bdpt, Single), (Bdpt, Mis)]);
-            methods.push((Vcm, Mis));
+            methods.extend([(Vcm, Mis), (Pssmlt, Mis)]);
         }
         let mut methods: Vec<Method> = methods
             .into_iter()

@@ -70,7 +70,7 @@ struct Ends<'p> {
 /// Chains tried from an origin.
 struct TriesFrom<'a> {
     tries: Option<&'a Tries>,
-    sampler: Sampler,
+    sampler: Sampler<'a>,
     origin: Origin,
     listed: usize,
 }
