@@ -12,6 +12,6 @@ mod json;
 pub mod readable;
 pub mod spot;
 pub mod statistics;
-pub(crate) mod svg;
+pub mod svg;
 
 pub use error::ReportError;
