@@ -215,24 +215,13 @@ impl Drop for Progress {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::Material;
     use crate::render::{SessionOptions, StopRules};
-    use crate::scene::{SceneBuilder, Settings, builder::look_at};
-    use crate::spectrum::Emission;
+    use crate::scene::Settings;
+    use crate::scene::builder::tests::lit_floor;
 
     #[test]
     fn passes_error_and_time_are_told() {
-        let mut scene = SceneBuilder::new();
-        let white = scene.material(Material::diffuse(0.7));
-        scene
-            .quad("floor", [0.0; 3], [0.0, 0.0, 3.0], [3.0, 0.0, 0.0])
-            .of(white);
-        scene
-            .sphere("lamp", [1.0, 2.5, 0.5], 0.3)
-            .emits(Emission::from_rgb([10.0; 3]));
-        let view = look_at([0.0, 1.5, 4.0], [0.0, 0.5, 0.0], [0.0, 1.0, 0.0]);
-        scene.pinhole("main", [16, 12], view, 40_f64.to_radians());
-        let scene = std::sync::Arc::new(scene.build().expect("valid"));
+        let scene = std::sync::Arc::new(lit_floor([16, 12]).build().expect("valid"));
         let settings = Settings {
             spp: 4,
             ..Settings::default()

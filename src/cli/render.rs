@@ -14,7 +14,7 @@ use super::view::Page;
 use super::{CliError, Outcome, print, summary, tell, threads};
 use crate::film::Crop;
 use crate::io::destination::Claims;
-use crate::io::layers::{self, Layer};
+use crate::io::layers;
 use crate::io::loaded::{self, Loaded};
 use crate::io::part::Resumed;
 use crate::render::clock::cpu_seconds;
@@ -22,8 +22,7 @@ use crate::render::guides::Guide;
 use crate::render::memory::{film_bytes, saving_bytes};
 use crate::render::session::NO_LIMIT;
 use crate::render::{
-    OutputRequest, PathExpression, PhotonMemory, Render, Session, SessionOptions, StopReason,
-    StopRules,
+    OutputRequest, PhotonMemory, Render, Session, SessionOptions, StopReason, StopRules,
 };
 use crate::report::statistics::SensorStats;
 use crate::spectrum::SpectralChannels;
@@ -331,7 +330,7 @@ impl Job<'_> {
         session.observe(move |tiles| bar.tile(tiles));
         #[cfg(feature = "view")]
         if let Some(page) = &self.page {
-            page.show(loaded, &session);
+            page.show(loaded, &session, &options.aov, &guides[0]);
         }
         let passes_to_see = (SAMPLES_TO_SEE / films[0].crop.pixels()).clamp(1, PASSES_TO_SEE);
         let targets: Vec<&Targets> = films.iter().map(|film| film.targets).collect();
@@ -444,21 +443,8 @@ impl Job<'_> {
         photons: Option<&PhotonMemory>,
     ) -> Result<(), CliError> {
         let (options, render) = (self.options, session.render());
-        let tells_bias = render.epsilon().is_some() && render.tells_bias();
-        if options.aov.iter().any(|a| matches!(a, Layer::Bias)) && !tells_bias {
-            return Err(CliError::Usage(
-                "the layer bias needs regularization and --set render.bias_estimate=true"
-                    .to_owned(),
-            ));
-        }
-        let knows_class = render.radius().is_none();
-        let needs = |(expression, _): &(PathExpression, _)| expression.needs_events();
-        if !knows_class && render.outputs().classes.iter().any(needs) {
-            return Err(CliError::Usage(
-                "layers of paths by reflections and surfaces need an integrator without photons"
-                    .to_owned(),
-            ));
-        }
+        let checked = layers::check(&options.aov, &render);
+        checked.map_err(|e| CliError::Usage(e.to_owned()))?;
         self.explain(|| summary::regularization(&render));
         let need = Need {
             photons: photons.map_or(0, PhotonMemory::bytes),

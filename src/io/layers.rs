@@ -141,14 +141,74 @@ pub fn request(
     })
 }
 
+/// Requirements of layers that a render does not meet.
+///
+/// # Errors
+/// A layer that needs another integrator, or another setting, than the render has.
+pub fn check(layers: &[Layer], render: &Render) -> Result<(), &'static str> {
+    let tells_bias = render.epsilon().is_some() && render.tells_bias();
+    if layers.iter().any(|a| matches!(a, Layer::Bias)) && !tells_bias {
+        return Err("the layer bias needs regularization and --set render.bias_estimate=true");
+    }
+    let needs = |(expression, _): &(PathExpression, Film)| expression.needs_events();
+    if render.radius().is_some() && render.outputs().classes.iter().any(needs) {
+        return Err(
+            "layers of paths by reflections and surfaces need an integrator without photons",
+        );
+    }
+    Ok(())
+}
+
+fn strategy_name((s, t, mark): &(u32, u32, &str)) -> String {
+    format!("s{s}t{t}{mark}")
+}
+
+/// Names of the layers of a render in its images. Those of strategies come as paths are met.
+#[must_use]
+pub fn names(layers: &[Layer], render: &Render) -> Vec<String> {
+    let mut names = Vec::new();
+    let mut class_count = 0;
+    for layer in layers {
+        match layer {
+            Layer::Strategies => {
+                if let Some(films) = &render.outputs().strategies {
+                    let films = films.read().unwrap_or_else(PoisonError::into_inner);
+                    names.extend(films.keys().map(strategy_name));
+                }
+            }
+            Layer::Class(_) => {
+                names.push(format!("class{class_count}"));
+                class_count += 1;
+            }
+            _ => names.push(layer.meaning().0.to_owned()),
+        }
+    }
+    names
+}
+
 /// Adds the extra layers asked for to an XYZ image.
 pub fn add(image: &mut ExrImage, layers: &[Layer], render: &Render, guides: &[Guide]) {
+    add_chosen(image, layers, render, guides, |_| true);
+}
+
+/// Adds those of the extra layers asked for whose names are chosen.
+pub fn add_chosen(
+    image: &mut ExrImage,
+    layers: &[Layer],
+    render: &Render,
+    guides: &[Guide],
+    is_chosen: impl Fn(&str) -> bool,
+) {
     let passes = render.passes().len() as u64;
     let mut classes = render.outputs().classes.iter();
     let mut class_count = 0;
     let flux = render.flux();
     for layer in layers {
         let (name, meaning) = layer.meaning();
+        let is_one = !matches!(layer, Layer::Strategies | Layer::Class(_));
+        if is_one && !is_chosen(name) {
+            continue;
+        }
         let attribute = format!("layer:{name}");
         // several classes have one meaning
         if image.metadata.get(&attribute).is_none() {
@@ -170,10 +230,10 @@ pub fn add(image: &mut ExrImage, layers: &[Layer], render: &Render, guides: &[Gu
                     continue;
                 };
                 // a poisoned lock means that a render thread has panicked, and so has this one
-                for ((s, t, mark), film) in
-                    films.read().unwrap_or_else(PoisonError::into_inner).iter()
-                {
-                    channels.extend(layer_channels(&format!("s{s}t{t}{mark}"), film, passes));
+                let films = films.read().unwrap_or_else(PoisonError::into_inner);
+                let films = films.iter().map(|(key, film)| (strategy_name(key), film));
+                for (name, film) in films.filter(|(name, _)| is_chosen(name)) {
+                    channels.extend(layer_channels(&name, film, passes));
                 }
             }
             Layer::Unbiased | Layer::Regularized => {
@@ -215,6 +275,10 @@ pub fn add(image: &mut ExrImage, layers: &[Layer], render: &Render, guides: &[Gu
                     continue;
                 };
                 let name = format!("class{class_count}");
+                if !is_chosen(&name) {
+                    class_count += 1;
+                    continue;
+                }
                 channels.extend(layer_channels(&name, film, passes));
                 let total = flux.as_ref().and_then(|f| f.classes_lm.get(class_count));
                 let total = total.map(|(_, total)| flux_entry(&name, total, "lm"));

@@ -104,30 +104,18 @@ impl Look {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::Material;
     use crate::render::{Session, SessionOptions};
+    use crate::scene::builder::tests::lit_floor;
     use crate::scene::settings::IntegratorKind;
-    use crate::scene::{SceneBuilder, builder::look_at};
-    use crate::spectrum::Emission;
 
     /// Mean X, Y and Z of the look and of the render.
     fn means(integrator: IntegratorKind) -> [[f64; 3]; 2] {
-        let mut scene = SceneBuilder::new();
-        let white = scene.material(Material::diffuse(0.7));
-        scene
-            .quad("floor", [0.0; 3], [0.0, 0.0, 3.0], [3.0, 0.0, 0.0])
-            .of(white);
-        scene
-            .sphere("lamp", [1.0, 2.5, 0.5], 0.3)
-            .emits(Emission::from_rgb([10.0; 3]));
-        let view = look_at([0.0, 1.5, 4.0], [0.0, 0.5, 0.0], [0.0, 1.0, 0.0]);
-        scene.pinhole("main", [160, 120], view, 40_f64.to_radians());
         let settings = Settings {
             spp: 1,
             integrator,
             ..Settings::default()
         };
-        let scene = std::sync::Arc::new(scene.build().expect("valid"));
+        let scene = std::sync::Arc::new(lit_floor([160, 120]).build().expect("valid"));
         let options = SessionOptions::default();
         let mut session = Session::new(scene.clone(), &settings, options).expect("a session");
         let look = Look::new(&scene, 0, &settings, SensorResponse::Xyz, 4);

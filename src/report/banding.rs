@@ -8,7 +8,7 @@
 
 use super::ReportError;
 use super::compare::{ColorLines, Xyz, bands, bands_json};
-use super::html::{escape, png_url};
+use super::html::{self, escape, png_url};
 use crate::develop::Development;
 use crate::film::{Crop, Filter};
 use crate::io::loaded::{self, Loaded};
@@ -23,6 +23,8 @@ use std::ops::{ControlFlow, Range};
 use std::path::PathBuf;
 use std::sync::Arc;
 
+/// The page.
+const TEMPLATE: &str = include_str!("banding.html");
 /// Pixels between the pictures of the comparison.
 const GAP: usize = 4;
 /// The film of the memory table.
@@ -350,15 +352,15 @@ impl Findings {
     #[must_use]
     pub fn page(&self, png: &[u8]) -> String {
         let memory = &self.memory;
-        let name = escape(&self.title);
         let mut body = String::new();
         for row in &self.rows {
             let [x, y, z] = &row.bands;
             let (count, gap) = distinct(&row.shot);
-            let share = y.participation.unwrap_or(f64::NAN);
+            let share = y.participation;
+            let share = share.map_or_else(|| "-".to_owned(), |share| format!("{share:.2}"));
             _ = writeln!(
                 body,
-                "<tr><th>{}</th><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.4}</td><td>{share:.2}</td><td>{:.4}</td><td>{count}</td><td>{gap}</td></tr>",
+                "<tr><th>{}</th><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.4}</td><td>{share}</td><td>{:.4}</td><td>{count}</td><td>{gap}</td></tr>",
                 row.shot.method,
                 row.shot.passes,
                 row.shot.seconds,
@@ -384,17 +386,17 @@ impl Findings {
             memory.vertices_per_path,
             memory.at_full_hd() * 1e-6
         );
-        format!(
-            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Banding: {name}</title>\n<style>body{{font-family:sans-serif;margin:2em;max-width:1500px}}table{{border-collapse:collapse}}td,th{{padding:.2em .7em;text-align:right;border-bottom:1px solid #ccc}}th{{font-weight:normal;text-align:left}}img{{max-width:100%;image-rendering:pixelated}}</style></head><body>\n<h1>Banding: {name}</h1>\n<p>Where photons are merged, all paths of a pass share wavelengths and time; errors are then the same all along a line of one color. Columns of the picture: vcm; vcm with the wavelengths of successive passes kept apart; bdpt with as many passes; bdpt in as much CPU time. Lines: {passes} passes.</p>\n<img alt=\"comparison\" src=\"{picture}\">\n<h2>Metrics</h2>\n<p>F-ratio: mean square error between lines of one color over that within; 1 for independent errors, above 2 there are bands. Coherent: the errors that whole lines share, relative to the mean. Participation: share of the lines that have their energy. The reference has {reference} passes of bdpt.</p>\n<table><tr><th></th><td>passes</td><td>CPU seconds</td><td>F of X</td><td>F of Y</td><td>F of Z</td><td>coherent, Y</td><td>participation, Y</td><td>relMSE</td><td>wavelengths</td><td>largest gap, nm</td></tr>\n{body}</table>\n<h2>Memory of light vertices at 1920 x 1080</h2>\n<table><tr><th></th><td>bytes per vertex</td><td>vertices per light path</td><td>MB</td></tr>\n{table1}</table>\n</body></html>\n",
-            passes = self
-                .passes
-                .iter()
-                .map(u32::to_string)
-                .collect::<Vec<_>>()
-                .join(", "),
-            picture = png_url(png),
-            reference = self.reference_passes,
-        )
+        let passes: Vec<String> = self.passes.iter().map(u32::to_string).collect();
+        let parts = [
+            ("STYLE", html::STYLE.to_owned()),
+            ("TITLE", escape(&self.title)),
+            ("PICTURE", png_url(png)),
+            ("PASSES", passes.join(", ")),
+            ("ROWS", body),
+            ("REFERENCE", self.reference_passes.to_string()),
+            ("MEMORY", table1),
+        ];
+        html::filled(TEMPLATE, &parts)
     }
 }
 

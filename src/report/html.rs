@@ -1,5 +1,25 @@
 //! Parts of pages that need no other file: text made safe, and bytes as data URLs.
 
+/// Style that pages of reports have in common.
+pub const STYLE: &str = include_str!("page.css");
+
+/// A template with parts in the places of their names, `{{NAME}}`. Parts are not searched again.
+#[must_use]
+pub fn filled(template: &str, parts: &[(&str, String)]) -> String {
+    let mut page = String::new();
+    let mut rest = template;
+    while let Some((before, after)) = rest.split_once("{{") {
+        page.push_str(before);
+        let Some((name, after)) = after.split_once("}}") else {
+            break;
+        };
+        let part = parts.iter().find(|p| p.0 == name);
+        page.push_str(part.map_or("", |p| &p.1));
+        rest = after;
+    }
+    page + rest
+}
+
 /// Text made safe for HTML, attributes included.
 #[must_use]
 pub fn escape(text: &str) -> String {
@@ -63,6 +83,12 @@ mod tests {
         ] {
             assert_eq!(base64(text.as_bytes()), code);
         }
+    }
+
+    #[test]
+    fn what_is_put_in_is_not_searched_again() {
+        let parts = [("A", "{{B}}".to_owned()), ("B", "no".to_owned())];
+        assert_eq!(filled("1 {{A}} 2 {{C}}3", &parts), "1 {{B}} 2 3");
     }
 
     #[test]

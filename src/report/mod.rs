@@ -12,5 +12,6 @@ mod json;
 pub mod readable;
 pub mod spot;
 pub mod statistics;
+pub mod svg;
 
 pub use error::ReportError;

@@ -238,4 +238,4 @@ impl Write for TextHash {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -137,19 +137,35 @@ fn there_is_a_manual_page_for_each_command() {
 fn the_walk_of_the_documentation_can_be_walked() {
     let page = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/start.md");
     let page = std::fs::read_to_string(page).expect("page");
-    let block = page.split("```").nth(1).expect("a block of code");
-    let lines = block.lines().filter_map(|l| l.strip_prefix("abbe "));
-    let commands: Vec<&str> = lines.filter_map(|l| l.split('#').next()).collect();
-    assert_eq!(commands.len(), 9, "{commands:?}");
+    let block = page.split("```text\n").nth(1).expect("a transcript");
+    let block = block.split("```").next().expect("its end");
+    let steps: Vec<&str> = block.split("$ ").skip(1).collect();
+    assert_eq!(steps.len(), 10, "{steps:?}");
+    assert_eq!(steps[0], "cargo install --locked --path .\n");
     let dir = tempfile::tempdir().expect("temporary folder");
-    for command in commands {
+    for step in &steps[1..] {
+        let (command, told) = step.split_once('\n').expect("a command");
+        let command = command.strip_prefix("abbe ").expect("a command of abbe");
         // as it stands, but small
         let small = if command.starts_with("render") {
             " --set sensor.0.resolution=[32,24] --threads 2"
         } else {
             ""
         };
-        succeed(dir.path(), &format!("{command}{small}"));
+        let output = run(dir.path(), &format!("{command}{small}"));
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let said = text(&output.stderr) + &text(&output.stdout);
+        let mut said_lines = said.lines();
+        for line in told.lines() {
+            // up to the first number
+            let start = line.split(|c: char| c.is_ascii_digit()).next();
+            let start = start.expect("a line").trim_end_matches(['+', '-']);
+            let found = said_lines.any(|l| l.starts_with(start));
+            assert!(
+                found,
+                "{command}: {line:?} is not told, in its place, in {said}"
+            );
+        }
     }
     for picture in [
         "room.png",

@@ -2,6 +2,8 @@
 
 mod beginning;
 mod bench;
+#[cfg(all(unix, feature = "view"))]
+mod browser;
 mod develop;
 #[cfg(unix)]
 mod interrupts;

@@ -8,9 +8,9 @@ use std::process::{Child, Stdio};
 use std::time::Duration;
 
 /// A server that ends with the test.
-struct Server {
+pub struct Server {
     child: Child,
-    host: String,
+    pub host: String,
     token: String,
     cookie: String,
 }
@@ -37,7 +37,7 @@ impl Answer {
 }
 
 impl Server {
-    fn start(folder: &Path, arguments: &str) -> Self {
+    pub fn start(folder: &Path, arguments: &str) -> Self {
         let mut child = command(folder, &format!("view {arguments} --threads 2"))
             .stdout(Stdio::piped())
             .spawn()
@@ -72,6 +72,11 @@ impl Server {
             .expect("a value")
             .clone_into(&mut server.cookie);
         server
+    }
+
+    /// The address as it is printed.
+    pub fn address(&self) -> String {
+        format!("http://{}/#{}", self.host, self.token)
     }
 
     /// Sends bytes as they are.
@@ -413,6 +418,73 @@ fn what_is_saved_has_the_bytes_of_the_command_line() {
 }
 
 #[test]
+fn layers_are_those_of_the_command_line_and_those_chosen() {
+    let dir = folder();
+    let aov = "class:^LDE$,unbiased,depth";
+    succeed(
+        dir.path(),
+        &format!("render scene.toml -q --spp 4 --aov {aov} -o a.exr"),
+    );
+    succeed(
+        dir.path(),
+        &format!("render scene.toml -q --spp 4 --aov {aov},strategies -o b.exr"),
+    );
+    for layer in ["class0", "depth", "s1t2"] {
+        // depths have no exposure of their own in the page: they are shown as measured
+        let how = if layer == "depth" {
+            "--tone linear --exposure 2"
+        } else {
+            "--exposure 2"
+        };
+        succeed(
+            dir.path(),
+            &format!("develop b.exr -q --layer {layer} {how} -o {layer}.png"),
+        );
+    }
+    let server = Server::start(dir.path(), &format!("scene.toml --spp 4 --aov {aov}"));
+    let state = server.wait_for("done", 1);
+    let expected = ["error", "class0", "unbiased", "depth"];
+    assert_eq!(state["stage"]["layers"], serde_json::json!(expected));
+    assert_eq!(state["stage"]["settings"]["strategies"], false);
+    assert_eq!(state["stage"]["settings"]["shares"], true);
+    assert!(
+        server.get("/save.exr").body == bytes(&dir, "a.exr"),
+        "the images differ"
+    );
+    assert_eq!(server.get("/picture.png?layer=s1t2").status, 400);
+    assert_eq!(
+        server.post("/settings", r#"{"strategies":true}"#).status,
+        200
+    );
+    let state = server.wait_for("done", 2);
+    let layers = state["stage"]["layers"].as_array().expect("a list");
+    assert!(
+        layers.len() > 8 && layers.contains(&"s1t2".into()),
+        "{layers:?}"
+    );
+    assert!(
+        server.get("/save.exr").body == bytes(&dir, "b.exr"),
+        "the images differ"
+    );
+    for layer in ["class0", "depth", "s1t2"] {
+        let found = server.get(&format!("/picture.png?layer={layer}&exposure=2"));
+        assert_eq!(found.status, 200, "{layer}");
+        assert!(
+            found.body == bytes(&dir, &format!("{layer}.png")),
+            "{layer}: the pictures differ"
+        );
+    }
+    // what a layer needs is told
+    let server = Server::start(dir.path(), "scene.toml --spp 1 --aov bias");
+    let state = server.wait(|s| !s["problem"].is_null());
+    let problem = state["problem"].as_str().expect("text");
+    assert!(problem.contains("bias_estimate"), "{problem}");
+    assert!(
+        fail(dir.path(), "view scene.toml --aov noise", 2).contains("expected error, strategies")
+    );
+}
+
+#[test]
 fn a_scene_that_changes_is_rendered_anew() {
     let dir = folder();
     let server = Server::start(dir.path(), "scene.toml --spp 2");
@@ -515,6 +587,12 @@ fn pixels_of_a_detector_have_a_size() {
         dir.path(),
         "render two.toml -q --spp 1 --sensor plate -o plate.exr",
     );
+    let image = abbe::io::exr::read(&dir.path().join("plate.exr")).expect("reads");
+    let Some(abbe::io::exr::MetadataValue::Text(flux)) = image.metadata.get("flux") else {
+        panic!("no flux");
+    };
+    let flux = flux.to_lowercase();
+    assert!(flux.ends_with(" lm"), "{flux}");
     for (subject, phase) in [
         ("two.toml --spp 1 --sensor plate", "done"),
         ("plate.exr", "image"),
@@ -524,15 +602,28 @@ fn pixels_of_a_detector_have_a_size() {
         let pitch = state["stage"]["pitch"].as_array().expect("a pitch");
         let pitch: Vec<f64> = pitch.iter().filter_map(serde_json::Value::as_f64).collect();
         assert_eq!(pitch, [0.1, 0.2], "{subject}");
+        // cross-sections through a pixel, and the flux that the image tells
+        let pixel = json(&server.get("/pixel?x=3&y=2").text());
+        let (row, column) = (&pixel["sections"]["row"], &pixel["sections"]["column"]);
+        assert_eq!((row[3].clone(), column[2].clone()), {
+            let here = pixel["luminance"].clone();
+            (here.clone(), here)
+        });
+        let lengths = [row, column].map(|list| list.as_array().map(Vec::len));
+        assert_eq!(lengths, [Some(10), Some(5)]);
+        let told = server.get("/picture.png").head;
+        let told = told.split("x-flux: ").nth(1).and_then(|t| t.lines().next());
+        assert_eq!(told, Some(&*flux), "{subject}");
     }
     let server = Server::start(dir.path(), "two.toml --spp 1");
     assert!(server.wait_for("done", 1)["stage"]["pitch"].is_null());
+    assert!(json(&server.get("/pixel?x=3&y=2").text())["sections"].is_null());
 }
 
 #[test]
 fn a_render_shows_what_it_writes() {
     let dir = folder();
-    let render = "render scene.toml --spp 4000000 --view -q --threads 2 -o a.exr";
+    let render = "render scene.toml --spp 4000000 --view --aov regularized -q --threads 2 -o a.exr";
     let mut child = command(dir.path(), render)
         .stderr(Stdio::piped())
         .spawn()
@@ -542,8 +633,12 @@ fn a_render_shows_what_it_writes() {
     let state = server.wait(|s| s["passes"].as_u64() > Some(1));
     assert_eq!(state["phase"], "rendering");
     assert_eq!(state["stage"]["name"], "scene.toml: camera");
-    // its settings stay as they are
+    // its settings stay as they are, and its layers are there
     assert_eq!(state["stage"]["renders"], false);
+    assert_eq!(
+        state["stage"]["layers"],
+        serde_json::json!(["error", "regularized"])
+    );
     assert_eq!(server.post("/settings", "{}").status, 400);
     let saved = server.get("/save.exr").body;
     assert!(saved.starts_with(&[0x76, 0x2f, 0x31, 0x01]));

@@ -9,12 +9,13 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pytest
 
 import abbe
-from abbe import _processor, _toml
+from abbe import _processor, _render, _toml
 
 # what a shell starts in its background ignores interrupts, and so would Python
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -107,6 +108,15 @@ def test_scenes_with_problems_name_them_and_change_nothing() -> None:
             abbe.render(scene, **wrong)  # type: ignore[arg-type]
     with pytest.raises(abbe.SceneError, match="integrator"):
         abbe.render(scene, integrator="paht")
+
+
+def test_options_are_keys_of_scenes() -> None:
+    keys = json.loads(command("keys", "--json"))["definitions"]["render"]["properties"]
+    for name, kind in get_type_hints(_render.Settings).items():
+        assert name in keys, name
+        choices = [value for part in (kind, *get_args(kind)) if get_origin(part) is Literal for value in get_args(part)]
+        assert all(json.dumps(choice) in json.dumps(keys[name]) for choice in choices), (name, choices)
+    assert {"spp", "seed", "passes", "layers"} <= _render._OWN and not _render._OWN & {"aim", "lanes"}
 
 
 def test_values_become_toml() -> None:

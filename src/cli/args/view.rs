@@ -2,8 +2,10 @@
 
 use super::Overrides;
 use super::values;
+use crate::io::layers::Layer;
 use clap::Args;
 use std::path::PathBuf;
+use std::str::FromStr as _;
 
 /// Options of `abbe view`.
 #[derive(Debug, Args)]
@@ -20,6 +22,9 @@ pub struct ViewOptions {
     /// The sensor; the first otherwise
     #[arg(long, value_name = "NAME")]
     pub sensor: Option<String>,
+    /// Layers to look at beside the picture, as those of `abbe render --aov`, separated by commas
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = Layer::from_str)]
+    pub aov: Vec<Layer>,
     /// An image or part of the same size to hold the picture against, left of a line
     #[arg(long, value_name = "IMAGE")]
     pub against: Option<PathBuf>,

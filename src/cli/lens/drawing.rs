@@ -3,16 +3,13 @@
 use crate::optics::analysis::Beams;
 use crate::optics::{Interaction, Prescription, System};
 use crate::report::html::escape;
+use crate::report::svg;
 use glam::{DVec2, DVec3};
 use std::fmt::Write as _;
 
 /// Width of the drawing, pixels.
 const WIDTH: f64 = 960.0;
 const MARGIN: f64 = 30.0;
-/// Colors of fields, told apart also by the color blind (Okabe and Ito).
-pub const COLORS: [&str; 7] = [
-    "#0072b2", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#56b4e9", "#000000",
-];
 
 /// The drawing.
 #[must_use]
@@ -66,11 +63,7 @@ pub fn cross_section(lens: &Prescription) -> String {
         }
         d
     };
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" viewBox=\"0 0 {width:.1} {height:.1}\" \
-         font-family=\"sans-serif\" font-size=\"13\">\n<title>{0}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
-        escape(&lens.name)
-    );
+    let mut svg = svg::head(width, height, &lens.name);
     for i in 0..lens.surfaces.len() - 1 {
         let solid = !lens.surfaces[i].medium.is_air()
             && lens.surfaces[i].interaction == Interaction::Refract;
@@ -114,7 +107,7 @@ pub fn cross_section(lens: &Prescription) -> String {
         }
     }
     for (field, points) in &rays {
-        let color = COLORS[field % COLORS.len()];
+        let color = svg::color(*field);
         _ = writeln!(
             svg,
             "<path d=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"0.8\"/>",

@@ -1,10 +1,9 @@
 //! Spot diagrams and ray fans as SVG.
 
-use super::drawing::COLORS;
 use super::report::Report;
 use crate::optics::analysis::Beams;
 use crate::optics::{FieldKind, Prescription};
-use crate::report::html::escape;
+use crate::report::svg;
 use glam::DVec2;
 use std::fmt::Write as _;
 
@@ -12,29 +11,14 @@ use std::fmt::Write as _;
 const SIDE: f64 = 220.0;
 const GAP: f64 = 46.0;
 
-fn head(width: f64, height: f64, title: &str) -> String {
-    format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" font-family=\"sans-serif\" \
-         font-size=\"12\">\n<title>{0}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n<text x=\"12\" y=\"20\" font-size=\"14\">{0}</text>\n",
-        escape(title)
-    )
-}
-
-/// A line of wavelengths with their colors.
-fn legend(lens: &Prescription, y: f64) -> String {
-    let mut svg = String::new();
-    for (i, wavelength) in lens.wavelengths.iter().enumerate() {
-        let x = 12.0 + 110.0 * i as f64;
-        let color = COLORS[i % COLORS.len()];
-        _ = writeln!(
-            svg,
-            "<circle cx=\"{x:.1}\" cy=\"{:.1}\" r=\"4\" fill=\"{color}\"/><text x=\"{:.1}\" y=\"{y:.1}\">{:.2} nm</text>",
-            y - 4.0,
-            x + 8.0,
-            wavelength.nm
-        );
-    }
-    svg
+/// Keys of the wavelengths, in one line.
+fn legend(lens: &Prescription) -> String {
+    let of = |(i, nm): (usize, f64)| {
+        let at = DVec2::new(16.0 + 110.0 * i as f64, 36.0);
+        svg::key(&svg::dot(i, at), at, &format!("{nm:.2} nm"))
+    };
+    let wavelengths = lens.wavelengths.iter().map(|w| w.nm);
+    wavelengths.enumerate().map(of).collect()
 }
 
 fn field_name(lens: &Prescription, field: usize) -> String {
@@ -50,21 +34,14 @@ fn field_name(lens: &Prescription, field: usize) -> String {
     }
 }
 
-/// A round number not below `value`: 1, 2 or 5 times a power of ten.
-fn round_up(value: f64) -> f64 {
-    let power = 10f64.powf(value.max(1e-12).log10().floor());
-    let steps = [1.0, 2.0, 5.0, 10.0].map(|s| s * power);
-    steps.into_iter().find(|s| *s >= value).unwrap_or(value)
-}
-
 /// Spots of all fields, at the image and at the best focus, about the centroid of all wavelengths.
 #[must_use]
 pub fn spots(lens: &Prescription, report: &Report) -> String {
     let focuses = [("image", 0.0), ("best focus", report.focus[1])];
     let width = 24.0 + (SIDE + 20.0) * lens.fields.len() as f64;
     let height = 70.0 + (SIDE + GAP) * 2.0;
-    let mut svg = head(width.max(480.0), height, &format!("{}: spots", lens.name));
-    svg += &legend(lens, 40.0);
+    let mut svg = svg::titled(width.max(480.0), height, &format!("{}: spots", lens.name));
+    svg += &legend(lens);
     for (row, (name, dz)) in focuses.into_iter().enumerate() {
         let points = |field: usize| -> Vec<(usize, DVec2)> {
             let these = report.spots.iter().filter(|s| s.field == field).enumerate();
@@ -81,18 +58,15 @@ pub fn spots(lens: &Prescription, report: &Report) -> String {
             list.iter().map(move |p| (p.1 - center).abs().max_element())
         });
         // one scale for a row, so that fields can be compared
-        let box_mm = round_up(2.0 * reach.fold(1e-6, f64::max));
+        let box_mm = svg::round_up(2.0 * reach.fold(1e-6, f64::max));
         for (field, list) in all.iter().enumerate() {
             let x0 = 12.0 + (SIDE + 20.0) * field as f64;
             let y0 = 56.0 + (SIDE + GAP) * row as f64;
             let center = centroid(list);
-            _ = writeln!(
-                svg,
-                "<rect x=\"{x0:.1}\" y=\"{y0:.1}\" width=\"{SIDE}\" height=\"{SIDE}\" fill=\"none\" stroke=\"#999\"/>"
-            );
+            svg += &svg::frame(DVec2::new(x0, y0), DVec2::splat(SIDE));
             for (i, p) in list {
                 let at = (*p - center) / box_mm * SIDE;
-                let color = COLORS[i % COLORS.len()];
+                let color = svg::color(*i);
                 _ = writeln!(
                     svg,
                     "<circle cx=\"{:.2}\" cy=\"{:.2}\" r=\"0.9\" fill=\"{color}\"/>",
@@ -100,13 +74,12 @@ pub fn spots(lens: &Prescription, report: &Report) -> String {
                     y0 + SIDE / 2.0 - at.y
                 );
             }
-            _ = writeln!(
-                svg,
-                "<text x=\"{x0:.1}\" y=\"{:.1}\">{}, {name}, box {} \u{b5}m</text>",
-                y0 + SIDE + 16.0,
+            let told = format!(
+                "{}, {name}, box {} \u{b5}m",
                 field_name(lens, field),
                 (box_mm * 1e6).round() / 1e3
             );
+            svg += &svg::text(DVec2::new(x0, y0 + SIDE + 16.0), "start", &told);
         }
     }
     svg + "</svg>\n"
@@ -126,12 +99,12 @@ pub fn fans(lens: &Prescription) -> String {
         .collect();
     let axes = [("tangential, y", DVec2::Y), ("sagittal, x", DVec2::X)];
     let width = 24.0 + (SIDE + 20.0) * lens.fields.len() as f64;
-    let mut svg = head(
+    let mut svg = svg::titled(
         width.max(480.0),
         70.0 + (SIDE + GAP) * 2.0,
         &format!("{}: ray fans", lens.name),
     );
-    svg += &legend(lens, 40.0);
+    svg += &legend(lens);
     for (row, (name, axis)) in axes.into_iter().enumerate() {
         let curves: Vec<Vec<Fan>> = lens
             .fields
@@ -147,15 +120,12 @@ pub fn fans(lens: &Prescription) -> String {
             })
             .collect();
         let all = curves.iter().flatten().flatten().filter_map(|p| p.1);
-        let scale = round_up(all.map(f64::abs).fold(1e-6, f64::max));
+        let scale = svg::round_up(all.map(f64::abs).fold(1e-6, f64::max));
         for (field, fans) in curves.iter().enumerate() {
             let x0 = 12.0 + (SIDE + 20.0) * field as f64;
             let y0 = 56.0 + (SIDE + GAP) * row as f64;
             let (xm, ym) = (x0 + SIDE / 2.0, y0 + SIDE / 2.0);
-            _ = writeln!(
-                svg,
-                "<rect x=\"{x0:.1}\" y=\"{y0:.1}\" width=\"{SIDE}\" height=\"{SIDE}\" fill=\"none\" stroke=\"#999\"/>"
-            );
+            svg += &svg::frame(DVec2::new(x0, y0), DVec2::splat(SIDE));
             _ = writeln!(
                 svg,
                 "<path d=\"M{x0:.1},{ym:.1}h{SIDE}M{xm:.1},{y0:.1}v{SIDE}\" stroke=\"#ccc\"/>"
@@ -175,19 +145,18 @@ pub fn fans(lens: &Prescription) -> String {
                     }
                     pen_down = value.is_some();
                 }
-                let color = COLORS[i % COLORS.len()];
+                let color = svg::color(i);
                 _ = writeln!(
                     svg,
                     "<path d=\"{d}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.3\"/>"
                 );
             }
-            _ = writeln!(
-                svg,
-                "<text x=\"{x0:.1}\" y=\"{:.1}\">{}, {name}, \u{b1}{} \u{b5}m</text>",
-                y0 + SIDE + 16.0,
+            let told = format!(
+                "{}, {name}, \u{b1}{} \u{b5}m",
                 field_name(lens, field),
                 (scale * 1e6).round() / 1e3
             );
+            svg += &svg::text(DVec2::new(x0, y0 + SIDE + 16.0), "start", &told);
         }
     }
     svg + "</svg>\n"

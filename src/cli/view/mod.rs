@@ -15,7 +15,9 @@ mod studio;
 
 use super::args::ViewOptions;
 use super::{CliError, Outcome, print, tell, threads};
+use crate::io::layers::Layer;
 use crate::io::loaded::Loaded;
+use crate::render::guides::Guide;
 use crate::render::{Progress, Session};
 use guard::Guard;
 use std::net::{Ipv4Addr, TcpListener};
@@ -89,8 +91,8 @@ impl Page {
     }
 
     /// Shows a render from now on.
-    pub fn show(&self, loaded: &Loaded, session: &Session) {
-        self.0.watch_render(loaded, session);
+    pub fn show(&self, loaded: &Loaded, session: &Session, layers: &[Layer], guides: &[Guide]) {
+        self.0.watch_render(loaded, session, layers, guides);
     }
 
     /// Takes note of how far it is.

@@ -5,7 +5,7 @@ use super::http::{Request, Response};
 use super::stage::Subject;
 use super::studio::Studio;
 use crate::develop::{Development, Exposure, ToneCurve, White};
-use crate::io::exr::{self, ExrImage};
+use crate::io::exr::{self, ExrImage, MetadataValue};
 use crate::io::image::development;
 use crate::io::png::{Depth, picture_bytes};
 use crate::math::named::Named;
@@ -59,12 +59,16 @@ fn png(image: &ExrImage, layer: Option<&str>, request: &Request) -> Result<Respo
     };
     let xyz = xyz.ok_or_else(|| refused("no such layer"))?;
     let mut base = development(image);
-    if layer == Some("error") {
-        // unknown errors are infinite, hence black
+    if matches!(layer, Some("error" | "bias" | "depth")) {
+        // no light; where one is unknown, it is infinite, hence black
         base = Development::MEASUREMENT;
     }
     let size = (image.crop.width(), image.crop.height());
-    developed(size, &xyz, &chosen(request, base)?)
+    let mut response = developed(size, &xyz, &chosen(request, base)?)?;
+    if let Some(MetadataValue::Text(flux)) = image.metadata.get("flux") {
+        response.headers.push(("X-Flux", flux.clone()));
+    }
+    Ok(response)
 }
 
 fn developed(
@@ -92,8 +96,8 @@ pub fn show(request: &Request, studio: &Studio) -> Result<Response, Response> {
     }
     let stage = studio.stage().ok_or_else(Response::nothing_yet)?;
     let image = match layer {
-        Some("error") => stage.image_with_error(),
-        _ => stage.image(),
+        Some(layer) => stage.image_with(layer),
+        None => stage.image(),
     };
     if let Some(image) = image {
         return png(&image, layer, request);
@@ -127,7 +131,7 @@ pub fn save_png(request: &Request, studio: &Studio) -> Result<Response, Response
 
 /// The image as a file to save.
 pub fn save_exr(studio: &Studio) -> Result<Response, Response> {
-    let image = studio.stage().and_then(|stage| stage.image());
+    let image = studio.stage().and_then(|stage| stage.whole_image());
     let bytes = exr::encoded(Path::new("the image"), &image.ok_or_else(nothing)?);
     let bytes = bytes.map_err(|e| Response::refusal(500, &e.to_string()))?;
     Ok(download(Response::of("image/x-exr", bytes), "abbe.exr"))

@@ -1,14 +1,14 @@
 //! The stage: what the page shows, and all that it is told of it.
 
-use super::settings;
+use super::settings::{self, Chosen};
 use crate::io::exr::{ExrImage, MetadataValue};
 use crate::io::layers::{self, Layer};
 use crate::io::{identity, image};
 use crate::math::named::Named;
 use crate::render::Render;
+use crate::render::guides::Guide;
 use crate::render::look::Look;
 use crate::render::session::View;
-use crate::scene::Settings;
 use crate::spectrum::SensorResponse;
 use serde_json::{Value, json};
 
@@ -33,8 +33,11 @@ pub struct Stage {
     pub subject: Subject,
     /// Columns and rows of the picture.
     pub size: (u32, u32),
-    /// Settings of a render.
-    pub settings: Option<Settings>,
+    /// Choices of the page for a render; `None` where it has none.
+    pub chosen: Option<Chosen>,
+    /// Layers that a render keeps, and the first hits that they show.
+    pub layers: Vec<Layer>,
+    pub guides: Vec<Guide>,
     /// Whether irradiance is measured.
     pub is_detector: bool,
     /// Width and height of a pixel of a detector, meters.
@@ -59,7 +62,9 @@ impl Stage {
             version,
             name,
             size: (image.crop.width(), image.crop.height()),
-            settings: None,
+            chosen: None,
+            layers: Vec::new(),
+            guides: Vec::new(),
             is_detector: text(identity::SENSOR_KIND) == identity::DETECTOR,
             pitch_m: identity::pitch_of_text(text(identity::PIXEL_PITCH)),
             unit: response.photometric_unit(),
@@ -67,7 +72,7 @@ impl Stage {
         }
     }
 
-    /// The image as the command line writes it. `None` before the first pass.
+    /// The image without layers of a render. `None` before the first pass.
     pub fn image(&self) -> Option<ExrImage> {
         match &self.subject {
             Subject::Look(_) => None,
@@ -79,19 +84,40 @@ impl Stage {
         }
     }
 
-    /// The image with its standard error, in the layer `error`.
-    pub fn image_with_error(&self) -> Option<ExrImage> {
+    /// The image with one of its layers.
+    pub fn image_with(&self, layer: &str) -> Option<ExrImage> {
         let mut image = self.image()?;
         if let Subject::Render { view, .. } = &self.subject {
-            layers::add(&mut image, &[Layer::Error], &view.read(), &[]);
+            let (kept, render) = (self.shown_layers(), view.read());
+            let is_chosen = |name: &str| name == layer;
+            layers::add_chosen(&mut image, &kept, &render, &self.guides, is_chosen);
         }
         Some(image)
     }
 
-    /// Layers that can be shown, besides the picture itself.
+    /// The image as the command line writes it, with all layers that it asks for.
+    pub fn whole_image(&self) -> Option<ExrImage> {
+        let mut image = self.image()?;
+        if let Subject::Render { view, .. } = &self.subject {
+            layers::add(&mut image, &self.layers, &view.read(), &self.guides);
+        }
+        Some(image)
+    }
+
+    /// Layers of a render that can be shown: the error needs nothing to be kept.
+    fn shown_layers(&self) -> Vec<Layer> {
+        let mut layers = self.layers.clone();
+        if !layers.iter().any(|l| matches!(l, Layer::Error)) {
+            layers.insert(0, Layer::Error);
+        }
+        layers
+    }
+
+    /// Names of the layers that can be shown, besides the picture itself.
     fn layers(&self) -> Vec<String> {
         match &self.subject {
-            Subject::Look(_) | Subject::Render { .. } => vec!["error".to_owned()],
+            Subject::Look(_) => vec!["error".to_owned()],
+            Subject::Render { view, .. } => layers::names(&self.shown_layers(), &view.read()),
             Subject::Image(image) => {
                 let names = image.channels.iter();
                 let names = names.filter_map(|c| Some(c.name.rsplit_once('.')?.0.to_owned()));
@@ -111,11 +137,11 @@ impl Stage {
             "name": self.name,
             "width": width,
             "height": height,
-            "renders": self.settings.is_some(),
+            "renders": self.chosen.is_some(),
             "detector": self.is_detector,
             "pitch": self.pitch_m,
             "layers": self.layers(),
-            "settings": self.settings.as_ref().map(settings::shown),
+            "settings": self.chosen.as_ref().map(settings::shown),
             "choices": settings::choices(),
             "tones": crate::develop::ToneCurve::ALL.iter().map(|t| t.as_str()).collect::<Vec<_>>(),
         })
@@ -127,14 +153,23 @@ impl Stage {
         if x >= width || y >= height {
             return None;
         }
-        let (xyz, spectrum) = match &self.subject {
+        let (xyz, spectrum, sections) = match &self.subject {
             Subject::Image(image) => {
-                let index = y as usize * width as usize + x as usize;
-                let value = |name: &str| Some(f64::from(*image.channel(name)?.get(index)?));
-                (["X", "Y", "Z"].map(|name| value(name).unwrap_or(0.0)), None)
+                let value = |name: &str, x: u32, y: u32| {
+                    let index = y as usize * width as usize + x as usize;
+                    let value = image.channel(name).and_then(|values| values.get(index));
+                    value.map_or(0.0, |v| f64::from(*v))
+                };
+                let xyz = ["X", "Y", "Z"].map(|name| value(name, x, y));
+                (xyz, None, self.sections((x, y), |x, y| value("Y", x, y)))
             }
             Subject::Look(_) => return None,
-            Subject::Render { view, .. } => render_pixel(&view.read(), x, y)?,
+            Subject::Render { view, .. } => {
+                let render = view.read();
+                let (xyz, spectrum) = render_pixel(&render, x, y)?;
+                let luminance = |x, y| render_xyz(&render, x, y).map_or(0.0, |xyz| xyz[1]);
+                (xyz, spectrum, self.sections((x, y), luminance))
+            }
         };
         Some(json!({
             "x": x,
@@ -143,21 +178,41 @@ impl Stage {
             "luminance": xyz[1] * self.unit,
             "unit": if self.is_detector { "lx" } else { "cd/m²" },
             "spectrum": spectrum,
+            "sections": sections,
         }))
     }
+
+    /// Illuminance along the row and along the column of a pixel of a detector.
+    fn sections(&self, (x, y): (u32, u32), value: impl Fn(u32, u32) -> f64) -> Option<Value> {
+        if !self.is_detector {
+            return None;
+        }
+        let (width, height) = self.size;
+        let row: Vec<f64> = (0..width).map(|x| self.unit * value(x, y)).collect();
+        let column: Vec<f64> = (0..height).map(|y| self.unit * value(x, y)).collect();
+        Some(json!({ "row": row, "column": column }))
+    }
+}
+
+/// XYZ of a pixel of a render.
+fn render_xyz(render: &Render, x: u32, y: u32) -> Option<[f64; 3]> {
+    let (crop, passes) = (render.crop(), render.passes().len() as u64);
+    let film = &render.outputs().image;
+    let xyz = film.pixel(crop.x0 + x, crop.y0 + y, passes)?;
+    <[f64; 3]>::try_from(xyz).ok()
 }
 
 /// XYZ and spectrum of a pixel of a render.
 fn render_pixel(render: &Render, x: u32, y: u32) -> Option<([f64; 3], Option<Value>)> {
+    let xyz = render_xyz(render, x, y)?;
     let crop = render.crop();
     let (x, y) = (crop.x0 + x, crop.y0 + y);
     let passes = render.passes().len() as u64;
-    let xyz = render.outputs().image.pixel(x, y, passes)?;
     let spectrum = render.outputs().spectral.as_ref().and_then(|(channels, film)| {
         let values = film.pixel(x, y, passes)?;
         let nm: Vec<f64> = channels.bin_centers_nm().collect();
         let (bins, lines) = values.split_at(nm.len());
         Some(json!({ "nm": nm, "values": bins, "lines_nm": channels.lines_nm(), "lines": lines }))
     });
-    Some((<[f64; 3]>::try_from(xyz).ok()?, spectrum))
+    Some((xyz, spectrum))
 }

@@ -2,18 +2,18 @@
 
 use super::super::args::ViewOptions;
 use super::CliError;
-use super::settings;
+use super::settings::{self, Chosen};
 use super::source::{Found, Source};
 use super::stage::{Stage, Subject};
 use crate::io::exr::ExrImage;
 use crate::io::identity;
-use crate::io::layers;
+use crate::io::layers::{self, Layer};
 use crate::io::loaded::{self, Loaded};
 use crate::render::forecast::Forecast;
+use crate::render::guides::Guide;
 use crate::render::look::Look;
 use crate::render::{Cancel, Progress, Session, SessionOptions};
 use crate::report::readable::counted;
-use crate::scene::Settings;
 use rayon::ThreadPool;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -57,7 +57,7 @@ struct Shared {
     problem: Option<String>,
     snapshot: Option<Arc<Snapshot>>,
     /// Settings that the page has chosen, over those of the file.
-    chosen: Option<Settings>,
+    chosen: Option<Chosen>,
     /// Files of the stage.
     files: Vec<PathBuf>,
     /// Whether there is something new to be done.
@@ -85,6 +85,8 @@ pub struct Studio {
     against: Option<(PathBuf, (u32, u32))>,
     overrides: Vec<(String, String)>,
     sensor: Option<String>,
+    /// Layers that the command line asks for.
+    aov: Vec<Layer>,
     shared: Mutex<Shared>,
     changed: Condvar,
 }
@@ -111,6 +113,7 @@ impl Studio {
             against,
             overrides: options.scene_overrides(),
             sensor: options.sensor.clone(),
+            aov: options.aov.clone(),
             shared: Mutex::new(Shared {
                 wanted: Some(Wanted::Load),
                 files: vec![source.watched(path)],
@@ -132,6 +135,7 @@ impl Studio {
             source: Source::Scene,
             overrides: Vec::new(),
             sensor: None,
+            aov: Vec::new(),
             against: None,
             shared: Mutex::new(Shared {
                 standing: Standing {
@@ -145,7 +149,13 @@ impl Studio {
     }
 
     /// Shows a render of another command, whose settings stay as they are.
-    pub fn watch_render(&self, loaded: &Loaded, session: &Session) {
+    pub fn watch_render(
+        &self,
+        loaded: &Loaded,
+        session: &Session,
+        layers: &[Layer],
+        guides: &[Guide],
+    ) {
         let (sensor, crop) = {
             let render = session.render();
             (render.sensor(), render.crop())
@@ -157,7 +167,9 @@ impl Studio {
             pitch_m: identity::pixel_pitch(&loaded.scene, sensor),
             is_detector: identity::is_detector(&loaded.scene, sensor),
             unit: loaded.response().photometric_unit(),
-            settings: None,
+            chosen: None,
+            layers: layers.to_vec(),
+            guides: guides.to_vec(),
             subject: Subject::Render {
                 view: session.view(),
                 look: None,
@@ -230,9 +242,9 @@ impl Studio {
     pub fn set(&self, body: &[u8]) -> Result<(), String> {
         let mut shared = self.shared();
         let stage = shared.stage.as_ref();
-        let settings = stage.and_then(|stage| stage.settings.as_ref());
-        let settings = settings.ok_or("nothing is rendered")?;
-        shared.chosen = Some(settings::changed(settings, body)?);
+        let chosen = stage.and_then(|stage| stage.chosen.as_ref());
+        let chosen = chosen.ok_or("nothing is rendered")?;
+        shared.chosen = Some(settings::changed(chosen, body)?);
         // a file that has changed is read all the same
         shared.wanted = shared.wanted.or(Some(Wanted::Render));
         shared.cancel.request();
@@ -375,21 +387,11 @@ impl Studio {
     fn render(&self, loaded: &Loaded, cancel: &Cancel, pool: &ThreadPool) -> Result<(), CliError> {
         let sensor = loaded.sensor(self.sensor.as_deref())?;
         let chosen = self.shared().chosen.clone();
-        let settings = match chosen {
-            // the file may have changed all else
-            Some(chosen) => Settings {
-                integrator: chosen.integrator,
-                aim: chosen.aim,
-                lanes: chosen.lanes,
-                regularization: crate::scene::settings::Regularization {
-                    mode: chosen.regularization.mode,
-                    epsilon: chosen.regularization.epsilon,
-                    ..loaded.settings.regularization
-                },
-                ..loaded.settings.clone()
-            },
-            None => loaded.settings.clone(),
+        let chosen = match chosen {
+            Some(chosen) => chosen.over(&loaded.settings),
+            None => Chosen::of(&loaded.settings, &self.aov),
         };
+        let (settings, layers) = (&chosen.settings, chosen.layers(&self.aov));
         {
             let mut shared = self.shared();
             shared.standing = Standing {
@@ -401,37 +403,41 @@ impl Studio {
         let film = loaded.scene.sensors[sensor].whole_film();
         self.check_reference((film.width(), film.height()))?;
         let (pixels, response) = (film.pixels(), loaded.response());
-        let first_look = || Look::new(&loaded.scene, sensor, &settings, response, BLOCK);
+        let first_look = || Look::new(&loaded.scene, sensor, settings, response, BLOCK);
         let look = pool.install(first_look);
         let version = self.next_version();
-        let stage = |subject: Subject| Stage {
+        let stage = |subject: Subject, guides: Vec<Guide>| Stage {
             version,
             name: self.name_of(loaded, sensor),
             size: (film.width(), film.height()),
             pitch_m: identity::pixel_pitch(&loaded.scene, sensor),
             is_detector: identity::is_detector(&loaded.scene, sensor),
             unit: response.photometric_unit(),
-            settings: Some(settings.clone()),
+            chosen: Some(chosen.clone()),
+            layers: layers.clone(),
+            guides,
             subject,
         };
-        self.show(stage(Subject::Look(look.clone())));
+        self.show(stage(Subject::Look(look.clone()), Vec::new()));
         let bins = (SPECTRAL_BYTES / 64 / pixels).min(BINS) as u16;
         let options = SessionOptions {
             sensor,
-            outputs: layers::request(loaded, &[], (bins > 2).then_some(bins), false)
+            outputs: layers::request(loaded, &layers, (bins > 2).then_some(bins), false)
                 .map_err(CliError::Usage)?,
             cancel: cancel.clone(),
             live: true,
             ..SessionOptions::default()
         };
         let scene = Arc::clone(&loaded.scene);
-        let begun = pool.install(|| Session::new(scene, &settings, options));
+        let begun = pool.install(|| Session::new(scene, settings, options));
         let mut session = begun?;
-        let view = session.view();
-        self.show(stage(Subject::Render {
-            view,
-            look: Some(look),
-        }));
+        let guides = {
+            let render = session.render();
+            layers::check(&layers, &render).map_err(|e| CliError::Usage(e.to_owned()))?;
+            pool.install(|| layers::guides_for(&layers, &render))
+        };
+        let (view, look) = (session.view(), Some(look));
+        self.show(stage(Subject::Render { view, look }, guides));
         self.shared().standing.phase = "rendering";
         loop {
             let state = pool.install(|| session.step());

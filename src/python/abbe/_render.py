@@ -4,46 +4,82 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Optional, TextIO, Union
+from typing import TYPE_CHECKING, Any, Literal, Optional, TextIO, TypedDict, Union
 
 from . import _abbe
 from ._image import Image
 from ._scene import Scene, Source, load, overrides
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
 Tell = Callable[[Optional[float], int, Optional[float], float], None]
 
 
-def _session(
-    scene: Scene | Source,
-    *,
-    spp: int | None,
-    time: float | None,
-    target_error: float | None,
-    seed: int | None,
-    sensor: str | None,
-    passes: tuple[int, int] | None,
-    crop: tuple[int, int, int, int] | None,
-    layers: Sequence[str],
-    spectral: int | bool | None,
-    threads: int | None,
-    settings: dict[str, Any],
-) -> _abbe.Session:
+class Settings(TypedDict, total=False):
+    """Keys of the table ``[render]`` of scenes; ``abbe keys`` says what they mean."""
+
+    integrator: Literal["path", "light", "bdpt", "vcm", "bpm", "ppm"]
+    lanes: Literal[1, 4, 8]
+    max_depth: int
+    weights: Literal["variance-aware", "balance", "power2"]
+    pair_probability: Union[float, Literal["auto"]]
+    light_paths: Union[float, Literal["auto"]]
+    regularize: Literal["auto", "off", "single", "mis"]
+    aim: Literal["off", "auto", "all"]
+    epsilon: Union[float, Literal["auto"]]
+    epsilon_min: float
+    single_rule: Literal["shortest-edge", "camera", "light"]
+    bias_weight: float
+    bias_estimate: bool
+    show_point_lights: bool
+    filter: Literal["box", "tent", "gaussian"]
+    filter_radius: float
+    wavelengths: Union[str, dict[str, Any]]
+    fresnel: Literal["average", "s", "p"]
+    units: Literal["radiance", "photometric"]
+    merge_radius: float
+    merge_alpha: float
+    sharing: Literal["hero", "set", "stratified"]
+
+
+class Options(Settings, total=False):
+    """Options of :func:`render` and :func:`passes`, besides settings. None is as good as nothing."""
+
+    spp: Optional[int]
+    time: Optional[float]
+    target_error: Optional[float]
+    seed: Optional[int]
+    sensor: Optional[str]
+    passes: Optional[tuple[int, int]]
+    crop: Optional[tuple[int, int, int, int]]
+    layers: Sequence[str]
+    spectral: Union[int, bool, None]
+    threads: Optional[int]
+
+
+_OWN = Options.__annotations__.keys() - Settings.__annotations__.keys()
+
+
+def _session(scene: Scene | Source, options: Options) -> _abbe.Session:
     if not isinstance(scene, Scene):
         scene = load(scene)
-    bins = 47 if spectral is True else spectral or None
+    layers, spectral = options.get("layers", ()), options.get("spectral")
+    # keys that are newer than these lists are settings, too
+    settings = {f"render.{key}": value for key, value in options.items() if key not in _OWN}
     return _abbe.Session(
         scene._scene,
-        overrides({f"render.{key}": value for key, value in settings.items()}),
-        spp=spp,
-        seed=seed,
-        sensor=sensor,
-        passes=passes,
-        time=time,
-        target_error=target_error,
-        crop=crop,
+        overrides(settings),
+        spp=options.get("spp"),
+        seed=options.get("seed"),
+        sensor=options.get("sensor"),
+        passes=options.get("passes"),
+        time=options.get("time"),
+        target_error=options.get("target_error"),
+        crop=options.get("crop"),
         layers=[layers] if isinstance(layers, str) else list(layers),
-        spectral=bins,
-        threads=threads or 0,
+        spectral=47 if spectral is True else spectral or None,
+        threads=options.get("threads") or 0,
     )
 
 
@@ -72,22 +108,7 @@ class _Line:
             self._stream.write("\r")
 
 
-def render(
-    scene: Scene | Source,
-    *,
-    spp: int | None = None,
-    time: float | None = None,
-    target_error: float | None = None,
-    seed: int | None = None,
-    sensor: str | None = None,
-    passes: tuple[int, int] | None = None,
-    crop: tuple[int, int, int, int] | None = None,
-    layers: Sequence[str] = (),
-    spectral: int | bool | None = None,
-    threads: int | None = None,
-    progress: bool | Tell = False,
-    **settings: Any,
-) -> Image:
+def render(scene: Scene | Source, *, progress: bool | Tell = False, **options: Unpack[Options]) -> Image:
     """Renders one sensor of a scene.
 
     Parameters
@@ -119,27 +140,14 @@ def render(
     progress
         True for a line on stderr, or a function that is called about five times a second with the
         share done (0 to 1, or None), whole passes, relative error (or None) and seconds.
-    settings
-        Any key of the table ``[render]``: ``integrator="path"``, ``regularize="off"``.
+    options
+        Any key of the table ``[render]``, too: ``integrator="path"``, ``regularize="off"``.
 
     An interrupt (Ctrl-C, or a notebook's stop button) ends the render within a pixel. Its whole
     passes are returned as an image whose ``stop`` is "interrupted"; without one, KeyboardInterrupt
     is raised.
     """
-    session = _session(
-        scene,
-        spp=spp,
-        time=time,
-        target_error=target_error,
-        seed=seed,
-        sensor=sensor,
-        passes=passes,
-        crop=crop,
-        layers=layers,
-        spectral=spectral,
-        threads=threads,
-        settings=settings,
-    )
+    session = _session(scene, options)
     line = _Line(sys.stderr) if progress is True else None
     tell: Union[Tell, None] = line or (progress if callable(progress) else None)
     try:
@@ -153,21 +161,7 @@ def render(
     return Image(session.image())
 
 
-def passes(
-    scene: Scene | Source,
-    *,
-    every: int = 1,
-    spp: int | None = None,
-    time: float | None = None,
-    target_error: float | None = None,
-    seed: int | None = None,
-    sensor: str | None = None,
-    crop: tuple[int, int, int, int] | None = None,
-    layers: Sequence[str] = (),
-    spectral: int | bool | None = None,
-    threads: int | None = None,
-    **settings: Any,
-) -> Iterator[Image]:
+def passes(scene: Scene | Source, *, every: int = 1, **options: Unpack[Options]) -> Iterator[Image]:
     """Renders one sensor of a scene, and gives its image after every so many passes and at the end.
 
     Parameters are those of :func:`render`. Each image holds all passes so far and is a copy of its
@@ -175,20 +169,7 @@ def passes(
     """
     if every < 1:
         raise ValueError(f"every {every} passes (allowed: 1 or more)")
-    session = _session(
-        scene,
-        spp=spp,
-        time=time,
-        target_error=target_error,
-        seed=seed,
-        sensor=sensor,
-        passes=None,
-        crop=crop,
-        layers=layers,
-        spectral=spectral,
-        threads=threads,
-        settings=settings,
-    )
+    session = _session(scene, options)
     shown = 0
     while session.stop is None:
         session.run(passes=every)

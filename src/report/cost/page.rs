@@ -10,7 +10,7 @@ use super::plot::{Curve, Plot};
 use super::words::{remains, time_to, times};
 use crate::math::named::Named;
 use crate::report::ReportError;
-use crate::report::html::{escape, row};
+use crate::report::html::{self, escape, row};
 use crate::report::readable::percent;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -32,6 +32,7 @@ pub fn page(
     let pictures = all_pictures(folder, reference, results)?;
     let bad = |e: serde_json::Error| ReportError::file(folder, e.to_string());
     let parts = [
+        ("STYLE", html::STYLE.to_owned()),
         ("TITLE", escape(&report.scene)),
         ("CARD", card(report)),
         ("SENTENCES", list(&report.sentences)),
@@ -43,19 +44,7 @@ pub fn page(
         ("PICTURES", script(&pictures).map_err(bad)?),
         ("DATA", script(report).map_err(bad)?),
     ];
-    let mut page = String::new();
-    let mut rest = TEMPLATE;
-    // what is put in is not searched again
-    while let Some((before, after)) = rest.split_once("{{") {
-        page.push_str(before);
-        let Some((name, after)) = after.split_once("}}") else {
-            break;
-        };
-        let part = parts.iter().find(|p| p.0 == name);
-        page.push_str(part.map_or("", |p| &p.1));
-        rest = after;
-    }
-    Ok(page + rest)
+    Ok(html::filled(TEMPLATE, &parts))
 }
 
 /// JSON that is safe inside a script element.

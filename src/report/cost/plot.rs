@@ -2,6 +2,8 @@
 //! and keys that tell them apart without color.
 
 use crate::report::html::escape;
+use crate::report::svg::{self, Axis, COLORS, Diagram};
+use glam::DVec2;
 use std::fmt::Write as _;
 
 const WIDTH: f64 = 640.0;
@@ -10,10 +12,6 @@ const HEIGHT: f64 = 380.0;
 const MARGIN: [f64; 4] = [64.0, 14.0, 12.0, 46.0];
 /// Height of a line of the legend in a file.
 const LINE: f64 = 20.0;
-/// Colors that most eyes tell apart (Okabe and Ito), then the same dashed.
-const COLORS: [&str; 8] = [
-    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555", "#8c6d1f",
-];
 
 /// A curve: for each abscissa the mean, and the least and largest of the seeds.
 #[derive(Clone, Debug)]
@@ -43,110 +41,36 @@ pub struct Plot {
     pub curves: Vec<Curve>,
 }
 
-/// An axis: range and scale.
-#[derive(Clone, Copy)]
-struct Axis {
-    low: f64,
-    high: f64,
-    log: bool,
-}
-
-impl Axis {
-    fn over(values: impl Iterator<Item = f64>, log: bool) -> Option<Self> {
-        let usable = values.filter(|v| v.is_finite() && (!log || *v > 0.0));
-        let (low, high) = usable.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-            (l.min(v), h.max(v))
-        });
-        if low > high {
-            return None;
-        }
-        Some(if log {
-            Self {
-                low: low.log10() - 0.08,
-                high: (high.log10() + 0.08).max(low.log10() + 0.3),
-                log,
-            }
-        } else {
-            let pad = (0.05 * (high - low)).max(1e-3 * high.abs()).max(1e-12);
-            Self {
-                low: low - pad,
-                high: high + pad,
-                log,
-            }
-        })
-    }
-
-    /// Share of the axis at which a value is.
-    fn at(self, value: f64) -> f64 {
-        let value = if self.log { value.log10() } else { value };
-        (value - self.low) / (self.high - self.low)
-    }
-
-    /// Values with a mark, and its text.
-    fn ticks(self) -> Vec<(f64, String)> {
-        let span = self.high - self.low;
-        if !self.log {
-            let step = 10_f64.powf((span / 4.0).log10().floor());
-            let step = step
-                * if span / step > 12.0 {
-                    5.0
-                } else if span / step > 6.0 {
-                    2.0
-                } else {
-                    1.0
-                };
-            let first = (self.low / step).ceil() as i64;
-            let last = (self.high / step).floor() as i64;
-            return (first..=last)
-                .map(|i| i as f64 * step)
-                .map(|v| (v, number(v)))
-                .collect();
-        }
-        let digits: &[f64] = if span < 1.3 { &[1.0, 2.0, 5.0] } else { &[1.0] };
-        let every = (span / 8.0).ceil().max(1.0) as usize;
-        let powers = (self.low.floor() as i32..=self.high.ceil() as i32).step_by(every);
-        powers
-            .flat_map(|p| digits.iter().map(move |d| d * 10_f64.powi(p)))
-            .filter(|v| (0.0..=1.0).contains(&self.at(*v)))
-            .map(|v| (v, number(v)))
-            .collect()
-    }
-}
-
-/// A number with few digits.
-fn number(v: f64) -> String {
-    if v == 0.0 {
-        "0".to_owned()
-    } else if (1e-3..1e5).contains(&v.abs()) {
-        // rounds what binary fractions add
-        format!("{}", (v * 1e9).round() / 1e9)
-    } else {
-        format!("{v:.0e}")
-    }
-}
-
 impl Plot {
-    fn axes(&self) -> Option<(Axis, Axis)> {
+    /// The rectangle of the curves with its axes; `None` where there is no point to show.
+    fn diagram(&self) -> Option<Diagram> {
         let points = || self.curves.iter().flat_map(|c| c.points.iter());
-        let xs = Axis::over(points().map(|p| p[0]), true)?;
-        let ys = Axis::over(points().flat_map(|p| p[1..].iter().copied()), self.log_y)?;
-        Some((xs, ys))
+        let [left, right, top, bottom] = MARGIN;
+        Some(Diagram {
+            corner: DVec2::new(left, top),
+            size: DVec2::new(WIDTH - left - right, HEIGHT - top - bottom),
+            x: Axis::over(points().map(|p| p[0]), true)?,
+            y: Axis::over(points().flat_map(|p| p[1..].iter().copied()), self.log_y)?,
+        })
     }
 
     /// Whether there is anything to draw.
     #[must_use]
     pub fn has_points(&self) -> bool {
-        self.axes().is_some()
+        self.diagram().is_some()
+    }
+
+    fn title(&self) -> String {
+        format!("{} against {}", self.y, self.x)
     }
 
     /// The plot with its legend, as elements of a page.
     #[must_use]
     pub fn figure(&self) -> String {
         let start = format!(
-            r#"<svg id="{}" class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{} against {}">"#,
+            r#"<svg id="{}" class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{}">"#,
             self.id,
-            escape(self.y),
-            escape(self.x)
+            escape(&self.title())
         );
         format!("{start}{}</svg>{}", self.drawing(), self.legend())
     }
@@ -155,133 +79,88 @@ impl Plot {
     #[must_use]
     pub fn file(&self) -> String {
         let height = HEIGHT + LINE * self.curves.len() as f64 + 8.0;
-        let mut svg = format!(
-            r##"<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height}" viewBox="0 0 {WIDTH} {height}"><style>text{{font:13px sans-serif;fill:#333;stroke:none}}.grid{{stroke:#e2e2e2}}.guide{{stroke:#999;stroke-dasharray:2 4;fill:none}}</style><rect width="100%" height="100%" fill="#fff"/>{}"##,
-            self.drawing()
-        );
+        let mut svg = svg::head(WIDTH, height, &self.title()) + &self.drawing();
         for (i, curve) in self.curves.iter().enumerate() {
-            let color = COLORS[i % COLORS.len()];
-            let y = HEIGHT + LINE * i as f64 + 8.0;
-            _ = write!(
-                svg,
-                r#"<g stroke="{color}" fill="none">{}</g><text x="{:.1}" y="{:.1}">{}</text>"#,
-                mark(i, MARGIN[0] + 6.0, y, color),
-                MARGIN[0] + 18.0,
-                y + 4.5,
-                escape(&curve.label)
+            let at = DVec2::new(MARGIN[0] + 6.0, HEIGHT + LINE * i as f64 + 8.0);
+            let sign = format!(
+                r#"<g stroke="{}" fill="none">{}</g>"#,
+                svg::color(i),
+                mark(i, at)
             );
+            svg += &svg::key(&sign, at, &curve.label);
         }
         svg + "</svg>\n"
     }
 
     /// Axes and curves; nothing where there is no point.
     fn drawing(&self) -> String {
-        let Some((xs, ys)) = self.axes() else {
+        let Some(diagram) = self.diagram() else {
             return String::new();
         };
-        let [left, right, top, bottom] = MARGIN;
-        let px = |x: f64| left + xs.at(x) * (WIDTH - left - right);
-        let py = |y: f64| HEIGHT - bottom - ys.at(y) * (HEIGHT - top - bottom);
-        let mut svg = String::new();
-        let (x0, x1, y0, y1) = (left, WIDTH - right, HEIGHT - bottom, top);
-        for (value, text) in xs.ticks() {
-            let x = px(value);
-            _ = write!(
-                svg,
-                r#"<path class="grid" d="M{x:.1} {y0}V{y1}"/><text x="{x:.1}" y="{:.1}" text-anchor="middle">{text}</text>"#,
-                y0 + 17.0
-            );
-        }
-        for (value, text) in ys.ticks() {
-            let y = py(value);
-            _ = write!(
-                svg,
-                r#"<path class="grid" d="M{x0} {y:.1}H{x1}"/><text x="{:.1}" y="{:.1}" text-anchor="end">{text}</text>"#,
-                x0 - 6.0,
-                y + 4.0
-            );
-        }
-        _ = write!(
-            svg,
-            r#"<text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(13 {:.1}) rotate(-90)" text-anchor="middle">{}</text>"#,
-            0.5 * (x0 + x1),
-            HEIGHT - 8.0,
-            escape(self.x),
-            0.5 * (y0 + y1),
-            escape(self.y)
-        );
+        let mut svg = diagram.grid(self.x, self.y, MARGIN[0] - 13.0);
         if let Some(slope) = self.slope {
-            svg += &self.guide(slope, 10_f64.powf(ys.low), px, py);
+            svg += &self.guide(slope, &diagram);
         }
         for (i, curve) in self.curves.iter().enumerate() {
-            let color = COLORS[i % COLORS.len()];
             let dash = if i < COLORS.len() {
                 ""
             } else {
                 r#" stroke-dasharray="6 4""#
             };
-            let usable = |p: &&[f64; 4]| xs.at(p[0]).is_finite() && ys.at(p[1]).is_finite();
-            let line: Vec<String> = curve
-                .points
-                .iter()
-                .filter(usable)
-                .map(|p| format!("{:.1},{:.1}", px(p[0]), py(p[1])))
-                .collect();
+            let place = |p: &[f64; 4]| [1, 2, 3].map(|j| diagram.at(DVec2::new(p[0], p[j])));
+            let places = curve.points.iter().map(place);
+            let places: Vec<[DVec2; 3]> = places.filter(|p| p[0].is_finite()).collect();
+            let means = curve.points.iter().map(|p| DVec2::new(p[0], p[1]));
             _ = write!(
                 svg,
-                r#"<g class="curve" data-id="{}" stroke="{color}" fill="none"><title>{}</title><polyline points="{}" stroke-width="2"{dash}/>"#,
+                r#"<g class="curve" data-id="{}" stroke="{}" fill="none"><title>{}</title>{}"#,
                 escape(&curve.id),
+                svg::color(i),
                 escape(&curve.label),
-                line.join(" ")
+                diagram.line(means, &format!(r#"stroke-width="2"{dash}"#))
             );
-            for p in curve.points.iter().filter(usable) {
-                let (x, y) = (px(p[0]), py(p[1]));
-                if ys.at(p[2]).is_finite() && p[3] > p[2] {
+            for [at, least, most] in places {
+                if least.is_finite() && most.y < least.y {
                     _ = write!(
                         svg,
-                        r#"<path d="M{x:.1} {:.1}V{:.1}" opacity=".5"/>"#,
-                        py(p[2]),
-                        py(p[3])
+                        r#"<path d="M{:.1} {:.1}V{:.1}" opacity=".5"/>"#,
+                        at.x, least.y, most.y
                     );
                 }
-                svg += &mark(i, x, y, color);
+                svg += &mark(i, at);
             }
             svg += "</g>";
         }
         svg
     }
 
-    /// A line of the given slope from the start of the first curve, down to `lowest` at most.
-    fn guide(
-        &self,
-        slope: f64,
-        lowest: f64,
-        px: impl Fn(f64) -> f64,
-        py: impl Fn(f64) -> f64,
-    ) -> String {
+    /// A line of the given slope from the start of the first curve, down to the axis at most.
+    fn guide(&self, slope: f64, diagram: &Diagram) -> String {
         let Some(first) = self.curves.first().and_then(|c| c.points.first()) else {
             return String::new();
         };
         let last = self.curves[0].points[self.curves[0].points.len() - 1];
+        let lowest = 10_f64.powf(diagram.y.low);
         let end_y = (first[1] * (last[0] / first[0]).powf(slope)).max(lowest);
         let end_x = first[0] * (end_y / first[1]).powf(1.0 / slope);
+        let from = diagram.at(DVec2::new(first[0], first[1]));
+        let to = diagram.at(DVec2::new(end_x, end_y));
         format!(
-            r#"<path class="guide" d="M{:.1} {:.1}L{:.1} {:.1}"/><text x="{:.1}" y="{:.1}" text-anchor="end">slope {slope}</text>"#,
-            px(first[0]),
-            py(first[1]),
-            px(end_x),
-            py(end_y),
-            px(end_x),
-            py(end_y) - 5.0
+            r#"<path class="guide" d="M{:.1} {:.1}L{:.1} {:.1}"/>{}"#,
+            from.x,
+            from.y,
+            to.x,
+            to.y,
+            svg::text(to - DVec2::new(0.0, 5.0), "end", &format!("slope {slope}"))
         )
     }
 
     fn legend(&self) -> String {
         let items = self.curves.iter().enumerate().map(|(i, curve)| {
-            let color = COLORS[i % COLORS.len()];
             format!(
-                r#"<li><svg class="key" viewBox="0 0 12 12" stroke="{color}" fill="none">{}</svg>{}</li>"#,
-                mark(i, 6.0, 6.0, color),
+                r#"<li><svg class="key" viewBox="0 0 12 12" stroke="{}" fill="none">{}</svg>{}</li>"#,
+                svg::color(i),
+                mark(i, DVec2::splat(6.0)),
                 escape(&curve.label)
             )
         });
@@ -290,7 +169,8 @@ impl Plot {
 }
 
 /// The mark of curve `i`.
-fn mark(i: usize, x: f64, y: f64, color: &str) -> String {
+fn mark(i: usize, at: DVec2) -> String {
+    let (DVec2 { x, y }, color) = (at, svg::color(i));
     match i % 4 {
         0 => format!(r#"<circle cx="{x:.1}" cy="{y:.1}" r="3.2" fill="{color}"/>"#),
         1 => format!(
@@ -381,16 +261,5 @@ mod tests {
             "it falls: {path}"
         );
         assert!(numbers[3] <= HEIGHT - MARGIN[3] + 0.1, "{path}");
-    }
-
-    #[test]
-    fn ticks_are_round_numbers() {
-        let texts = |low: f64, high: f64, log| {
-            let axis = Axis::over([low, high].into_iter(), log).expect("range");
-            axis.ticks().into_iter().map(|t| t.1).collect::<Vec<_>>()
-        };
-        assert_eq!(texts(0.1, 100.0, true), ["0.1", "1", "10", "100"]);
-        assert_eq!(texts(1.0, 5.0, true), ["1", "2", "5"]);
-        assert!((2..12).contains(&texts(0.31, 0.37, false).len()));
     }
 }

@@ -19,6 +19,21 @@ fn lit() -> SceneBuilder {
     scene
 }
 
+/// A lamp above a white floor, before a camera of these columns and rows.
+pub fn lit_floor(resolution: [u32; 2]) -> SceneBuilder {
+    let mut scene = SceneBuilder::new();
+    let white = scene.material(Material::diffuse(0.7));
+    scene
+        .quad("floor", [0.0; 3], [0.0, 0.0, 3.0], [3.0, 0.0, 0.0])
+        .of(white);
+    scene
+        .sphere("lamp", [1.0, 2.5, 0.5], 0.3)
+        .emits(Emission::from_rgb([10.0; 3]));
+    let view = look_at([0.0, 1.5, 4.0], [0.0, 0.5, 0.0], [0.0, 1.0, 0.0]);
+    scene.pinhole("main", resolution, view, 40_f64.to_radians());
+    scene
+}
+
 fn refused(scene: SceneBuilder) -> String {
     scene.build().map(|_| ()).unwrap_err().to_string()
 }

@@ -84,4 +84,39 @@ export function drawSpectrum(canvas, spectrum) {
   context.fillText(`${shortNumber(most > 0 ? most : mostOfLines)}`, 2, 10);
 }
 
+// Curves along the row and the column of a pixel, over millimeters from the middle of a detector
+// (pixels, where its pixels have no size).
+export function drawSections(canvas, { row, column }, pitch) {
+  const ratio = window.devicePixelRatio || 1;
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  canvas.width = Math.max(1, Math.round(width * ratio));
+  canvas.height = Math.max(1, Math.round(height * ratio));
+  const context = canvas.getContext("2d");
+  context.scale(ratio, ratio);
+  const style = getComputedStyle(document.documentElement);
+  const [across, down] = pitch ? pitch.map((m) => m * 1000) : [1, 1];
+  const reach = Math.max(row.length * across, column.length * down) / 2;
+  const most = [...row, ...column].reduce((a, b) => Math.max(a, b), 0);
+  const [top, bottom] = [14, height - 18];
+  const x = (mm) => ((mm / reach + 1) / 2) * width;
+  const y = (value) => bottom - (most > 0 ? Math.max(0, value / most) : 0) * (bottom - top);
+  for (const [values, step, color] of [[column, down, "--cool"], [row, across, "--mark"]]) {
+    context.strokeStyle = style.getPropertyValue(color);
+    context.lineWidth = 1.5;
+    context.beginPath();
+    values.forEach((value, i) => context.lineTo(x((i + 0.5 - values.length / 2) * step), y(value)));
+    context.stroke();
+  }
+  context.strokeStyle = style.getPropertyValue("--line");
+  context.lineWidth = 1;
+  context.strokeRect(0, bottom + 0.5, width, 0);
+  context.fillStyle = style.getPropertyValue("--quiet");
+  context.font = "11px system-ui, sans-serif";
+  context.fillText(shortNumber(most), 2, 10);
+  const end = shortNumber(reach);
+  context.fillText(`\u2212${end}`, 0, height - 5);
+  context.fillText("0", width / 2 - 3, height - 5);
+  context.fillText(end, width - context.measureText(end).width, height - 5);
+}
+
 export { shortNumber };

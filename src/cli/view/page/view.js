@@ -1,6 +1,6 @@
 // The studio: asks the server how the render stands, shows its pictures, and sends nothing but
 // choices of a fixed list. Names are text, never markup.
-import { drawSpectrum, shortNumber } from "./plot.js";
+import { drawSections, drawSpectrum, shortNumber } from "./plot.js";
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
@@ -98,10 +98,12 @@ function showStage() {
   if (!stage) return;
   $("name").textContent = stage.name;
   document.title = `${stage.name} · abbe`;
+  // strategies come as they are met
+  fill($("layer"), stage.layers, 1);
   if (stage.version === version) return;
   version = stage.version;
   fill($("tone"), stage.tones, 1);
-  fill($("layer"), stage.layers, 1);
+  $("detector").hidden = !stage.detector;
   $("quantity").textContent = stage.detector ? "illuminance" : "luminance";
   $("rendering").hidden = !stage.renders;
   if (stage.renders) {
@@ -109,6 +111,7 @@ function showStage() {
       fill($(key), stage.choices[key].map(String), 0);
       $(key).value = String(stage.settings[key]);
     }
+    for (const key of ["strategies", "shares"]) $(key).checked = stage.settings[key];
     if (document.activeElement !== $("epsilon")) $("epsilon").value = stage.settings.epsilon ?? "";
   }
   if (pixel && (pixel.x >= stage.width || pixel.y >= stage.height)) pixel = null;
@@ -133,11 +136,20 @@ function query(more) {
   return values.toString();
 }
 
+// A flux as attributes of images tell it: value, unit and, where it is known, standard error.
+function fluxText(told) {
+  const [, value, unit, error] = told?.match(/^(\S+) (\w+)(?:, standard error (\S+))?/) ?? [];
+  if (!value) return "\u2013";
+  const spread = error ? ` \u00b1 ${shortNumber(Number(error))}` : "";
+  return `${shortNumber(Number(value))}${spread} ${unit}`;
+}
+
 async function load(path) {
   const response = await ask(path);
   if (response.status === 204) return null;
   const image = await createImageBitmap(await response.blob());
-  return { image, stops: response.headers.get("X-Stops"), clipped: response.headers.get("X-Clipped") };
+  const told = (name) => response.headers.get(name);
+  return { image, stops: told("X-Stops"), clipped: told("X-Clipped"), flux: told("X-Flux") };
 }
 
 async function refresh() {
@@ -155,6 +167,7 @@ async function refresh() {
       const clipped = Number(loaded.clipped) > 0.05 ? `, ${percent(Number(loaded.clipped))} clipped` : "";
       const sign = Number(loaded.stops) >= 0 ? "+" : "";
       $("stops").textContent = `${sign}${Number(loaded.stops).toFixed(2)} EV${clipped}`;
+      $("flux").textContent = fluxText(loaded.flux);
       if ($("auto").checked) $("exposure").value = loaded.stops;
       $("save-png").href = `save.png?${query({})}`;
       draw();
@@ -254,6 +267,7 @@ async function look(quiet) {
     $("xyz").textContent = found.xyz.map(shortNumber).join(", ");
     $("luminance").textContent = `${shortNumber(found.luminance)} ${found.unit}`;
     drawSpectrum($("spectrum"), found.spectrum);
+    if (found.sections) drawSections($("sections"), found.sections, state.stage.pitch);
     $("spectrum-note").textContent = found.spectrum
       ? `over nm; per nm, W/${state.stage.detector ? "m²" : "(m² sr)"}`
       : "";
@@ -388,6 +402,7 @@ $("whole").addEventListener("click", whole);
 $("in").addEventListener("click", () => zoomMiddle(1.25));
 $("out").addEventListener("click", () => zoomMiddle(0.8));
 new ResizeObserver(draw).observe(canvas);
+new ResizeObserver(() => look(true)).observe($("spectrum"));
 
 // ---- choices
 
@@ -431,6 +446,8 @@ for (const control of document.querySelectorAll("[data-setting]")) {
       aim: $("aim").value,
       lanes: Number($("lanes").value),
       epsilon: number,
+      strategies: $("strategies").checked,
+      shares: $("shares").checked,
     };
     try {
       await post("settings", JSON.stringify(settings));
