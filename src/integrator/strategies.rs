@@ -94,7 +94,7 @@ pub fn aims(settings: &Settings, scene: &Scene, sensor: usize) -> Aims {
     let integrator = settings.integrator;
     let is_on = match settings.aim {
         Aiming::Off => false,
-        Aiming::Auto => integrator == IntegratorKind::Bdpt,
+        Aiming::Auto => matches!(integrator, IntegratorKind::Bdpt | IntegratorKind::Pssmlt),
         Aiming::All => !integrator.merges(),
     };
     if !is_on || scene.chains().kinds().is_empty() {

@@ -72,9 +72,9 @@ named! {
     pub enum Aiming {
         /// None.
         Off = "off": "None",
-        /// With the bidirectional path tracer, where no other strategy makes their paths well; the
-        /// other integrators stay what their names say.
-        Auto = "auto": "With `bdpt`, where no other strategy makes their paths well",
+        /// With bidirectional paths, where no other strategy makes them well; the other integrators
+        /// stay what their names say.
+        Auto = "auto": "With `bdpt` and `pssmlt`, where no other strategy makes their paths well",
         /// All that the scene has, with every integrator that does not merge.
         All = "all": "All that the scene has, also with `path` and `light`",
     }

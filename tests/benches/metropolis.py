@@ -23,11 +23,11 @@ import tempfile
 HERE = pathlib.Path(__file__).resolve().parent.parent.parent
 SCENE = HERE / "scenes/torus_in_glass_cube.toml"
 METHODS = {
-    "bdpt": ["--integrator", "bdpt", "--regularize", "off"],
-    "bdpt, regularized": ["--integrator", "bdpt", "--regularize", "mis"],
+    "bdpt": ["--integrator", "bdpt", "--regularize", "off", "--aim", "off"],
+    "bdpt, regularized": ["--integrator", "bdpt", "--regularize", "mis", "--aim", "off"],
     "bdpt, aimed": ["--integrator", "bdpt", "--regularize", "off", "--aim", "auto"],
-    "pssmlt": ["--integrator", "pssmlt", "--regularize", "off"],
-    "pssmlt, regularized": ["--integrator", "pssmlt", "--regularize", "mis"],
+    "pssmlt": ["--integrator", "pssmlt", "--regularize", "off", "--aim", "off"],
+    "pssmlt, regularized": ["--integrator", "pssmlt", "--regularize", "mis", "--aim", "off"],
     "pssmlt, aimed": ["--integrator", "pssmlt", "--regularize", "off", "--aim", "auto"],
 }
 
