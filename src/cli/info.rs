@@ -56,11 +56,12 @@ fn effects(loaded: &Loaded) -> Vec<Effect> {
 const TOLD_CHAINS: usize = 20;
 
 /// The chains that a render with `aim` solves for: by objects and labels (T transmits, R reflects)
-/// from the light to the sensor, with the number of kinds; nothing with `aim = "off"`.
+/// from the light to the sensor, with the number of kinds; nothing with `aim = "off"` and where there
+/// are none.
 fn chains(loaded: &Loaded) -> String {
     let (scene, settings) = (&loaded.scene, &loaded.settings);
     let aims = aims(settings, scene, 0);
-    if settings.aim == Aiming::Off {
+    if settings.aim == Aiming::Off || scene.chains().kinds().is_empty() {
         return String::new();
     }
     let mut kinds: BTreeMap<String, usize> = BTreeMap::new();
@@ -74,7 +75,7 @@ fn chains(loaded: &Loaded) -> String {
     }
     let all: usize = kinds.values().sum();
     let why = if !aims.any() {
-        "not used: the integrator merges, or nothing smooth has a shape that is solved for"
+        "not used: the integrator merges, or solves for none unless aim is \"all\""
     } else if settings.aim == Aiming::All {
         "used from every vertex"
     } else {

@@ -7,7 +7,8 @@
 //! render least. [theory (9.6)]
 //!
 //! Invariant: a function of scene, sensor, crop and settings without the seed and of the length of
-//! the pilot, which its counted cost bounds, counted and never timed, whatever the threads, so that all parts of a render agree.
+//! the pilot, which its counted cost bounds; nothing is timed. Whatever the threads, all parts of a
+//! render agree.
 
 use super::PilotPasses;
 use super::pilot::{Regions, SHADOW, lattice, price};
@@ -272,7 +273,7 @@ pub fn choose(
     Some(TriesChoice::new(tries, samples))
 }
 
-/// What is known of the kinds without a pilot.
+/// Kinds of chains as they are known without a pilot.
 struct Listed {
     /// See [`needed`].
     needed: Vec<bool>,
@@ -299,7 +300,7 @@ struct Balance {
     others: f64,
     /// Cost without bridges.
     cost: f64,
-    /// What bridges cost in the pilot.
+    /// Cost of bridges in the pilot.
     spent: f64,
     /// By origin and kind: second moments at each of [`SHARES`], and the cost if always tried.
     aims: Vec<([f64; SHARES.len()], f64)>,
