@@ -40,11 +40,11 @@ const COST_SHARE: f64 = 0.1;
 /// Kinds that a vertex of the pilot tries at most on average.
 const MOST_TRIED: f64 = 8.0;
 /// Probabilities that may be chosen, from the largest down.
-const SHARES: [f64; 6] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.0];
+const SHARES: [f64; 8] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0];
 /// Largest probability of what nothing else makes and the pilot has not seen, and how many such
 /// kinds a vertex tries at most on average.
-const UNSEEN: f64 = 0.0625;
-const MOST_UNSEEN: f64 = 8.0;
+const UNSEEN: f64 = 0.015625;
+const MOST_UNSEEN: f64 = 4.0;
 /// Share of the samples that are left out of what others scatter, the largest ones.
 const TRIMMED: f64 = 1e-3;
 /// Rounds of the search.
@@ -206,7 +206,7 @@ pub fn choose(
     let most = most.map_or(0, |(_, pixels)| *pixels);
     let most = (crop.pixels() / PIXELS_SHARE).clamp(1, most) as usize;
     let lattice: Vec<(u32, u32)> = lattice(&crop).take(most).collect();
-    let least = length.least_samples() as f64 * crop.pixels() as f64;
+    let least = f64::from(length.least_samples()) * crop.pixels() as f64;
     let regions = Regions::new(crop);
     let run = |pixels: &[(u32, u32)]| -> Vec<Pixel> {
         let one = |workspace: &mut Workspace, &pixel: &(u32, u32)| {
@@ -440,9 +440,9 @@ mod tests {
             needed: vec![false, false, true, false, true, false],
         };
         let found = balance.shares(&[1.0]);
-        assert_eq!(found[..3], [1.0, 0.0, 0.0625]);
-        // sqrt(v T / (V t)) is 1/25, below the least probability
-        assert_eq!(found[3], 0.0625);
+        assert_eq!(found[..3], [1.0, 0.0, 0.015625]);
+        // sqrt(v T / (V t)) is 1/25
+        assert_eq!(found[3], 0.03125);
         assert_eq!(found[4..], [UNSEEN as f32, 0.0]);
         assert_eq!(shared(&[1.0; 2], 8.0), [1.0; 2]);
         assert_eq!(shared(&[1.0; 129], 8.0)[0], 0.03125);

@@ -34,7 +34,7 @@ impl Quadric {
     }
 
     /// For an ellipsoid about its reference, a map of offsets that makes it the unit sphere.
-    pub(super) fn to_sphere(&self) -> Option<DMat3> {
+    pub(super) fn sphere_map(&self) -> Option<DMat3> {
         if self.b != DVec3::ZERO || self.c != -1.0 {
             return None;
         }
@@ -55,7 +55,7 @@ impl Quadric {
 
     /// Whether a point is outside of an ellipsoid.
     pub(super) fn is_outside(&self, p: DVec3) -> Option<bool> {
-        let is_ellipsoid = self.b == DVec3::ZERO && self.to_sphere().is_some();
+        let is_ellipsoid = self.b == DVec3::ZERO && self.sphere_map().is_some();
         is_ellipsoid.then(|| self.height(p) > 0.0)
     }
 

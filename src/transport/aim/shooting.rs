@@ -89,7 +89,7 @@ impl Round {
             return None;
         };
         let is_one = bounces.iter().all(|b| b.surface == bounces[0].surface);
-        let to_round = first.to_sphere().filter(|_| is_one)?;
+        let to_round = first.sphere_map().filter(|_| is_one)?;
         Some(Self {
             center: first.reference(),
             to_round,
