@@ -56,8 +56,8 @@ fn effects(loaded: &Loaded) -> Vec<Effect> {
 const TOLD_CHAINS: usize = 20;
 
 /// The chains that a render with `aim` solves for: by objects and labels (T transmits, R reflects)
-/// from the light to the sensor, with the number of kinds; nothing with `aim = "off"` and where there
-/// are none.
+/// from the light to the sensor, with the number of kinds; nothing with `aim = "off"` and where
+/// there are none.
 fn chains(loaded: &Loaded) -> String {
     let (scene, settings) = (&loaded.scene, &loaded.settings);
     let aims = aims(settings, scene, 0);
