@@ -1,10 +1,10 @@
 //! Tries of a render: how often each kind of chain is worth solving for.
 //!
-//! A pilot tries every kind from everywhere with one probability p₀. A bridge that gave c with
-//! weight w in the sum of all strategies stands for a second moment of c²/(1 − w + (p/p₀) w) had it
-//! been tried with probability p; what it cost is counted in searches and rays, at fixed prices.
-//! Kind by kind and origin by origin, the p is taken that makes variance times cost of the whole
-//! render least. [theory (9.6)]
+//! A pilot tries every kind with a small probability p₀ of its own, from everywhere. A bridge that
+//! gave c with weight w in the sum of all strategies stands for a second moment of
+//! c²/(1 − w + (p/p₀) w) had it been tried with probability p; what it cost is counted in searches
+//! and rays, at fixed prices. Kind by kind and origin by origin, the p is taken that makes variance
+//! times cost of the whole render least. [theory (9.6)]
 //!
 //! Invariant: a function of scene, sensor, crop and settings without the seed and of the length of
 //! the pilot, which its counted cost bounds; nothing is timed. Whatever the threads, all parts of a
@@ -163,11 +163,13 @@ struct Pixel {
 
 /// Few tries of every kind from everywhere, for pilots; `None` where no chains are solved for.
 pub(super) fn sparse(frame: &SensorJob) -> Option<Tries> {
+    if !frame.strategies.aims.any() {
+        return None;
+    }
     let shares = shared(&searches(frame), MOST_TRIED);
     let all = Origin::all().flat_map(|_| shares.iter().map(|s| *s as f32));
-    let tries = Tries::new(shares.len(), all.collect())
-        .expect("invariant: a share of each kind from each origin");
-    frame.strategies.aims.any().then_some(tries)
+    let tries = Tries::new(shares.len(), all.collect());
+    Some(tries.expect("invariant: a share of each kind from each origin"))
 }
 
 /// Price of a search, by kind.
@@ -184,7 +186,8 @@ fn shared(prices: &[f64], most: f64) -> Vec<f64> {
     prices.iter().map(share).collect()
 }
 
-/// Finds the probabilities; `None` where no chains are solved for.
+/// Finds the probabilities, by samples that try as `frame` does ([`sparse`]); `None` where no
+/// chains are solved for.
 #[must_use]
 pub fn choose(
     frame: &SensorJob,
@@ -193,7 +196,7 @@ pub fn choose(
     response: SensorResponse,
     length: PilotPasses,
 ) -> Option<TriesChoice> {
-    let sparse = sparse(frame)?;
+    let sparse = frame.strategies.tries?;
     let kinds = sparse.kinds();
     let settings = Settings {
         seed: combine(u64::from(u32::MAX), u64::from(FIRST_PASS)),
@@ -201,7 +204,7 @@ pub fn choose(
     };
     let mut job = SensorJob::new(frame.scene, frame.sensor, &settings, &crop, false);
     job.detailed = true;
-    job.strategies.tries = Some(&sparse);
+    job.strategies.tries = Some(sparse);
     let most = PIXELS.iter().find(|(passes, _)| length.0 >= *passes);
     let most = most.map_or(0, |(_, pixels)| *pixels);
     let most = (crop.pixels() / PIXELS_SHARE).clamp(1, most) as usize;
@@ -258,7 +261,7 @@ pub fn choose(
         let more = pixels.len().max(FIRST_PIXELS);
         let end = lattice.len().min(pixels.len() + more);
         pixels.extend(run(&lattice[pixels.len()..end]));
-        let found = Balance::new(&pixels, &listed, regions.clone(), &sparse);
+        let found = Balance::new(&pixels, &listed, regions.clone(), sparse);
         let samples = pixels.len() as f64 * f64::from(PASSES);
         let spent = samples * (found.cost + found.spent);
         if end == lattice.len() || 2.0 * spent > COST_SHARE * least * found.cost {

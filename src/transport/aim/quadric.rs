@@ -90,3 +90,51 @@ impl Quadric {
         p - slope * (0.5 * self.height(p) / slope.length_squared())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, dvec3};
+
+    #[test]
+    fn an_ellipsoid_is_met_where_its_sphere_is_in_its_own_space() {
+        let to_world = DAffine3::from_scale_rotation_translation(
+            dvec3(0.3, 2.0, 1.1),
+            DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(-0.4),
+            dvec3(5.0, -2.0, 1.0),
+        );
+        let back = to_world.inverse();
+        let ellipsoid = Quadric::placed(DMat3::IDENTITY, DVec3::ZERO, -1.0, &to_world, &back);
+        let mut met = 0;
+        for i in 0..200 {
+            let angle = f64::from(i);
+            let o = dvec3(
+                5.0 * angle.sin(),
+                4.0 * angle.cos(),
+                3.0 * (0.7 * angle).sin(),
+            );
+            let o = o + to_world.translation;
+            let aim = 0.8 * dvec3((2.1 * angle).sin(), angle.cos(), (1.3 * angle).cos());
+            let d = (to_world.transform_point3(aim) - o).normalize();
+            let (q, w) = (back.transform_point3(o), back.transform_vector3(d));
+            let (half, nearest) = (q.dot(w) / w.length_squared(), q.length_squared() - 1.0);
+            let square = half * half - nearest / w.length_squared();
+            let both = [true, false].map(|above| ellipsoid.meet(o, d, above));
+            if square < 0.0 {
+                assert_eq!(both, [None; 2]);
+                continue;
+            }
+            met += 1;
+            for (t, sign) in both.into_iter().zip([-1.0, 1.0]) {
+                let expected = -half + sign * square.sqrt();
+                assert!((t.unwrap() - expected).abs() < 1e-9 * expected.abs(), "{i}");
+            }
+            // outward, and that of the sphere by the transposed inverse
+            let p = o + d * both[0].unwrap();
+            let normal = back.matrix3.transpose() * back.transform_point3(p);
+            assert!(ellipsoid.normal(p).distance(normal.normalize()) < 1e-9);
+            assert_eq!(ellipsoid.is_outside(o), Some(q.length() > 1.0));
+        }
+        assert!(met > 50, "{met}");
+    }
+}

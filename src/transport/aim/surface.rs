@@ -88,9 +88,7 @@ impl Surface {
         }
         .filter(|t| *t > 0.0)
     }
-}
 
-impl Surface {
     /// Whether a point is on the side that the normal points to; `None` where both are one, or go
     /// over into each other around a rim.
     #[must_use]
