@@ -25,6 +25,7 @@ pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
         sensor: options.sensor.clone(),
         passes: options.passes.clone(),
         reference_passes: options.reference_passes,
+        seeds: options.seeds,
         lines: options.lines.to_lines(),
     };
     let pool = threads::pool(options.threads)?;

@@ -9,6 +9,7 @@ use crate::io::destination::Claims;
 use crate::io::exr::ExrImage;
 use crate::io::image::{self, development};
 use crate::io::png::{Depth, picture_bytes};
+use crate::report::figure::figure;
 use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -17,6 +18,11 @@ use std::path::{Path, PathBuf};
 pub fn run(options: &DevelopOptions) -> Result<Outcome, CliError> {
     if options.output.is_some() && options.images.len() > 1 {
         let message = "--output names one picture, and there are several images";
+        return Err(CliError::Usage(message.to_owned()));
+    }
+    if options.at.is_some() && !options.output.as_deref().is_some_and(is_figure) {
+        let message =
+            "--at chooses a row and a column of a figure (allowed: with --output NAME.svg)";
         return Err(CliError::Usage(message.to_owned()));
     }
     let mut claims = Claims::of_inputs(&options.images);
@@ -33,6 +39,12 @@ pub fn run(options: &DevelopOptions) -> Result<Outcome, CliError> {
 fn target(options: &DevelopOptions, source: &Path) -> PathBuf {
     let beside = || preview_path(Path::new(source.file_name().unwrap_or_default()));
     options.output.clone().unwrap_or_else(beside)
+}
+
+/// Whether a figure is asked for, and not a picture alone.
+fn is_figure(target: &Path) -> bool {
+    let ending = target.extension();
+    ending.is_some_and(|e| e.eq_ignore_ascii_case("svg"))
 }
 
 fn develop(options: &DevelopOptions, source: &Path) -> Result<(), CliError> {
@@ -60,7 +72,14 @@ fn develop(options: &DevelopOptions, source: &Path) -> Result<(), CliError> {
     let size = (image.crop.width(), image.crop.height());
     let png = picture_bytes(size, &picture, development.display, depth)
         .map_err(|e| CliError::file(&target, e.to_string()))?;
-    write_atomic(&target, |file| file.write_all(&png))?;
+    if is_figure(&target) {
+        let title = source.file_name().unwrap_or_default().to_string_lossy();
+        let svg = figure(&image, &xyz, &png, &title, options.at)
+            .map_err(|message| CliError::file(source, message))?;
+        write_atomic(&target, |file| file.write_all(svg.as_bytes()))?;
+    } else {
+        write_atomic(&target, |file| file.write_all(&png))?;
+    }
     if !options.quiet {
         let text = preview_text(&target, picture.stops, picture.clipped);
         print(&format!("{text}, {} curve\n", development.tone))?;

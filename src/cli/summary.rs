@@ -168,7 +168,7 @@ pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats, scene: &
         _ = writeln!(
             text,
             "  chains    {}; of {} large steps {} were accepted, of {} small ones {}",
-            counted(chains, "chain", "chains"),
+            chains,
             large.tried,
             percent(large.acceptance()),
             small.tried,

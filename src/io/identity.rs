@@ -99,6 +99,19 @@ pub fn header(render: &Render) -> PartHeader {
     }
 }
 
+/// Attribute with the unit of an image's values.
+pub const UNIT: &str = "unit";
+
+/// The response of a sensor whose image has this attribute [`UNIT`].
+#[must_use]
+pub fn response_of_unit(unit: &str) -> SensorResponse {
+    if unit.starts_with("photometric") {
+        SensorResponse::Photometric
+    } else {
+        SensorResponse::Xyz
+    }
+}
+
 /// Attribute that tells images of cameras from those of detectors.
 pub const SENSOR_KIND: &str = "sensorKind";
 /// Value for a detector.
@@ -130,7 +143,7 @@ fn image_values(
         ("observer", "CIE 1931 2 degree".to_owned()),
         (SENSOR_KIND, kind.to_owned()),
         (
-            "unit",
+            UNIT,
             unit_name(response, is_detector(scene, sensor)).to_owned(),
         ),
     ];

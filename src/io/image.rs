@@ -12,7 +12,6 @@ use super::part::{self, Part, PartError, PartHeader};
 use crate::develop::Development;
 use crate::film::{AddSumsError, Film, Filter};
 use crate::render::{Render, Total};
-use crate::spectrum::SensorResponse;
 use std::path::{Path, PathBuf};
 
 /// The XYZ image of a render.
@@ -98,12 +97,7 @@ fn xyz_image(film: &Film, header: &PartHeader) -> ExrImage {
 /// Attribute with the luminous flux through the film of a detector.
 fn flux(film: &Film, header: &PartHeader) -> Option<(String, MetadataValue)> {
     let [width, height] = identity::pitch_of_text(header.image.get(identity::PIXEL_PITCH)?)?;
-    let is_photometric = header.image.get("unit")?.starts_with("photometric");
-    let response = if is_photometric {
-        SensorResponse::Photometric
-    } else {
-        SensorResponse::Xyz
-    };
+    let response = identity::response_of_unit(header.image.get(identity::UNIT)?);
     let scale = width * height * response.photometric_unit();
     let even = |end: u64| end.div_ceil(2);
     let passes = header.passes.iter();

@@ -7,6 +7,7 @@ pub mod class_tables;
 pub mod compare;
 pub mod cost;
 mod error;
+pub mod figure;
 pub(crate) mod html;
 mod json;
 pub mod readable;

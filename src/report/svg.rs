@@ -86,8 +86,17 @@ pub fn round_up(value: f64) -> f64 {
     steps.into_iter().find(|s| *s >= value).unwrap_or(value)
 }
 
+/// Round number not above `value`: 1, 2 or 5 times a power of ten.
+#[must_use]
+pub fn round_down(value: f64) -> f64 {
+    let power = 10f64.powf(value.max(1e-12).log10().floor());
+    let steps = [1.0, 2.0, 5.0].map(|s| s * power);
+    steps.into_iter().rfind(|s| *s <= value).unwrap_or(value)
+}
+
 /// Text of a number that has few digits.
-fn number(v: f64) -> String {
+#[must_use]
+pub fn number(v: f64) -> String {
     if v == 0.0 {
         "0".to_owned()
     } else if (1e-3..1e5).contains(&v.abs()) {
@@ -303,6 +312,10 @@ mod tests {
                 (round_up(value) - expected).abs() < 1e-9 * expected,
                 "{value}"
             );
+        }
+        for (value, expected) in [(0.9, 0.5), (1.0, 1.0), (4.9, 2.0), (0.057, 0.05)] {
+            let difference: f64 = round_down(value) - expected;
+            assert!(difference.abs() < 1e-9 * expected, "{value}");
         }
     }
 

@@ -35,6 +35,43 @@ fn images_parts_and_previews_give_the_same_picture() {
 }
 
 #[test]
+fn a_figure_has_scale_sections_and_flux() {
+    let dir = folder();
+    let detector = "detector = { center = [0, 0, 2], u = [0.5, 0, 0], v = [0, 0.25, 0] }";
+    let camera = "perspective = { eye = [0, 0, 4], target = [0, 0, 0], fov_deg = 40 }";
+    let scene = super::SCENE.replace(camera, detector);
+    assert_ne!(scene, super::SCENE);
+    std::fs::write(dir.path().join("detector.toml"), scene).expect("writes");
+    succeed(dir.path(), "render detector.toml --spp 2 -q -o a.exr");
+    succeed(dir.path(), "develop a.exr -o a.svg -q --at 3,4");
+    let svg = String::from_utf8(bytes(&dir, "a.svg")).expect("text");
+    for part in [
+        ">lx<",
+        ">200 mm<",
+        "mm from the middle",
+        "row 4,",
+        "column 3,",
+        ">flux: ",
+        "standard error",
+        "data:image/png;base64,",
+    ] {
+        assert!(svg.contains(part), "{part}: {svg}");
+    }
+    assert_eq!(svg.matches("<polyline").count(), 2);
+    for (options, code, said) in [
+        (
+            "-o a.svg --at 24,0",
+            1,
+            "has no pixel 24,0 (allowed: 0,0 to 23,15)",
+        ),
+        ("-o b.png --at 1,1", 2, "with --output NAME.svg"),
+    ] {
+        let message = fail(dir.path(), &format!("develop a.exr {options}"), code);
+        assert!(message.contains(said), "{message}");
+    }
+}
+
+#[test]
 fn layers_are_developed_by_name() {
     let dir = folder();
     succeed(

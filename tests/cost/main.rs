@@ -289,6 +289,40 @@ fn strategies_are_shown_one_by_one() {
     );
 }
 
+/// No light path ends at a pinhole behind a smooth ball, and such light is what is told first.
+#[test]
+fn light_that_a_method_misses_comes_first() {
+    let report = &*REPORT;
+    let variants = report.json["variants"].as_array().unwrap();
+    let missed = |id: &str| {
+        let of = variants.iter().find(|v| v["id"] == id).unwrap();
+        of["missed"]["classes"].as_array().cloned()
+    };
+    let by_light = missed("light").unwrap();
+    let [never, rarely]: [Vec<&Value>; 2] = [true, false].map(|never| {
+        by_light
+            .iter()
+            .filter(|c| (c["hits"] == 0) == never)
+            .collect()
+    });
+    let share: f64 = never.iter().map(|c| c["share"].as_f64().unwrap()).sum();
+    assert!((0.01..0.5).contains(&share), "{by_light:?}");
+    let seen_through_the_ball = |c: &&Value| c["class"].as_str().unwrap().ends_with("SE");
+    assert!(never.iter().all(seen_through_the_ball), "{by_light:?}");
+    assert!(!rarely.iter().any(seen_through_the_ball), "{by_light:?}");
+    assert_eq!(missed("lanes-1"), None, "of methods alone");
+    let sentences = report.json["sentences"].as_array().unwrap();
+    let first = sentences[0].as_str().unwrap();
+    assert!(first.contains("of the light (L"), "{sentences:?}");
+    let of_light = sentences
+        .iter()
+        .position(|s| s.as_str().unwrap().starts_with("light misses "));
+    let others = sentences
+        .iter()
+        .position(|s| s.as_str().unwrap().contains("time per sample"));
+    assert!(of_light.unwrap() < others.unwrap(), "{sentences:?}");
+}
+
 #[test]
 fn effects_are_told_with_the_error_of_leaving_them_out() {
     let report = &*REPORT;

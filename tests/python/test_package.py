@@ -248,6 +248,11 @@ def test_pictures_are_those_of_the_command(tmp_path: Path) -> None:
             image.develop(**wrong)  # type: ignore[arg-type]
     with pytest.raises(ValueError):
         image.save(tmp_path / "ball.jpg")
+    command("develop", tmp_path / "ball.exr", "-q", "--at", "5,7", "-o", tmp_path / "ball.svg")
+    figure = image.figure(title="ball.exr", at=(5, 7))
+    assert figure.svg == figure._repr_svg_() == (tmp_path / "ball.svg").read_text("utf-8")
+    with pytest.raises(ValueError, match="has no pixel 48,0"):
+        image.figure(at=(48, 0))
     with pytest.raises(OSError):
         image.save(tmp_path / "nowhere" / "ball.exr")
 

@@ -12,7 +12,9 @@ pub struct DevelopOptions {
     /// Images (EXR with channels X, Y, Z) or parts
     #[arg(value_name = "IMAGE", required = true)]
     pub images: Vec<PathBuf>,
-    /// The picture to write; NAME.png in the working directory otherwise
+    /// The picture to write; NAME.png in the working directory otherwise. NAME.svg is a figure: the
+    /// picture with its scale (mm of a detector), values along a row and a column in cd/m2 or lx,
+    /// and the flux through a detector
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Exposure in stops; by the picture itself otherwise (of detectors: the largest value is
@@ -32,6 +34,9 @@ pub struct DevelopOptions {
     /// Bits per channel
     #[arg(long, value_name = "BITS", default_value = "8", value_parser = ["8", "16"])]
     pub depth: String,
+    /// The pixel whose row and column a figure shows; the centroid of the light otherwise
+    #[arg(long, value_name = "X,Y", value_parser = values::pixel)]
+    pub at: Option<[u32; 2]>,
     /// A layer of the image, such as regularized; the picture itself otherwise
     #[arg(long, value_name = "NAME")]
     pub layer: Option<String>,

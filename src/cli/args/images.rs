@@ -89,6 +89,9 @@ pub struct BandingOptions {
     /// Passes of the bdpt reference
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..))]
     pub reference_passes: u32,
+    /// Renders of each method, whose means and standard errors are told
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub seeds: u32,
     #[command(flatten)]
     pub lines: ColorLines,
     #[command(flatten)]

@@ -9,7 +9,6 @@ use crate::render::Render;
 use crate::render::guides::Guide;
 use crate::render::look::Look;
 use crate::render::session::View;
-use crate::spectrum::SensorResponse;
 use serde_json::{Value, json};
 
 /// Subject of the page: a first look, a render or an image.
@@ -53,11 +52,7 @@ impl Stage {
             Some(MetadataValue::Text(text)) => text.as_str(),
             _ => "",
         };
-        let response = if text("unit").starts_with("photometric") {
-            SensorResponse::Photometric
-        } else {
-            SensorResponse::Xyz
-        };
+        let response = identity::response_of_unit(text(identity::UNIT));
         Self {
             version,
             name,

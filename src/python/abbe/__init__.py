@@ -22,7 +22,7 @@ _processor.check()
 from ._abbe import Lens, SceneError, version
 from ._denoise import denoise
 from ._glass import Glass, glass, glasses
-from ._image import Errors, Image, Picture, compare, read
+from ._image import Errors, Figure, Image, Picture, compare, read
 from ._lens import lens
 from ._render import passes, render
 from ._scene import Effect, Scene, Sensor, load
@@ -32,6 +32,7 @@ __version__ = version()
 __all__ = [
     "Effect",
     "Errors",
+    "Figure",
     "Glass",
     "Image",
     "Lens",

@@ -87,6 +87,14 @@ class Image:
         depth: int,
         layer: Optional[str],
     ) -> tuple[bytes, NDArray[np.uint16], float, float]: ...
+    def figure(
+        self,
+        title: str,
+        exposure: Optional[float],
+        tone: Optional[str],
+        layer: Optional[str],
+        at: Optional[tuple[int, int]],
+    ) -> str: ...
 
 class Glass:
     @property

@@ -16,6 +16,21 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float32]
 
 
+class Figure:
+    """A drawing as SVG. A notebook shows it."""
+
+    def __init__(self, svg: str) -> None:
+        self.svg = svg
+        """Text of an SVG file."""
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes an SVG file."""
+        _abbe.write_bytes(os.fspath(path), self.svg.encode())
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+
 class Picture:
     """A developed image, for looking at. A notebook shows it."""
 
@@ -182,6 +197,31 @@ class Image:
 
         png, pixels, stops, clipped = self._image.develop(exposure, tone, white, display, depth, layer)
         return Picture(png, pixels.astype(np.uint8) if depth == 8 else pixels, stops, clipped)
+
+    def figure(
+        self,
+        *,
+        title: str = "",
+        exposure: float | None = None,
+        tone: str | None = None,
+        layer: str | None = None,
+        at: tuple[int, int] | None = None,
+    ) -> Figure:
+        """A figure: the picture with its scale, values along a row and a column, flux.
+
+        Lengths are millimeters on a detector and pixels of a camera, values lux and cd/m2; the flux
+        is that through a detector, with its standard error.
+
+        Parameters
+        ----------
+        title
+            Text above the picture.
+        exposure, tone, layer
+            As of ``develop``.
+        at
+            Column and row of the film that are shown; those of the centroid of the light without.
+        """
+        return Figure(self._image.figure(title, exposure, tone, layer, at))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the image: as EXR (the spectral image beside it as NAME.spectral.exr), or developed as PNG.

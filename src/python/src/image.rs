@@ -4,10 +4,11 @@ use abbe::develop::{Development, Display, Exposure, ToneCurve, White};
 use abbe::io::atomic::write_atomic;
 use abbe::io::exr::{self, ExrImage, MetadataValue, spectral_channel_nm};
 use abbe::io::image::{development, read};
-use abbe::io::png::{Depth, picture_bytes};
+use abbe::io::png::{Depth, developed_bytes, picture_bytes};
 use abbe::math::image_error::ImageError;
 use abbe::math::named::Named;
 use abbe::report::compare::{Xyz, errors};
+use abbe::report::figure::figure;
 use numpy::{IntoPyArray as _, PyArray3, PyArrayMethods as _};
 use numpy::{PyReadonlyArray3, PyUntypedArrayMethods as _};
 use pyo3::exceptions::{PyKeyError, PyOSError, PyValueError};
@@ -44,6 +45,42 @@ impl Image {
     fn size(&self) -> [usize; 2] {
         let crop = self.image.crop;
         [crop.height() as usize, crop.width() as usize]
+    }
+
+    fn development(
+        &self,
+        exposure: Option<f64>,
+        tone: Option<&str>,
+        white: &str,
+        display: &str,
+    ) -> PyResult<Development> {
+        let base = development(&self.image);
+        let wrong = |e: String| PyValueError::new_err(format!("white \"{white}\": {e}"));
+        Ok(Development {
+            exposure: match exposure {
+                None => base.exposure,
+                Some(stops) if stops.abs() <= 1000.0 => Exposure::Stops(stops),
+                Some(stops) => {
+                    let message = format!("an exposure of {stops} stops (allowed: -1000 to 1000)");
+                    return Err(PyValueError::new_err(message));
+                }
+            },
+            tone: named("tone curve", tone, base.tone)?,
+            white: white.parse::<White>().map_err(wrong)?,
+            display: named("display", Some(display), Display::Srgb)?,
+        })
+    }
+
+    /// Interleaved XYZ of the image or of a layer.
+    fn xyz(&self, layer: Option<&str>) -> PyResult<Vec<f64>> {
+        let xyz = match layer {
+            None => self.image.xyz(),
+            Some(name) => self.image.layer_xyz(name),
+        };
+        xyz.ok_or_else(|| {
+            let there = self.channels().join(", ");
+            PyKeyError::new_err(format!("no such layer (channels: {there})"))
+        })
     }
 }
 
@@ -215,7 +252,6 @@ impl Image {
         depth: u8,
         layer: Option<&str>,
     ) -> PyResult<Developed<'py>> {
-        let base = development(&self.image);
         let depth = match depth {
             8 => Depth::Eight,
             16 => Depth::Sixteen,
@@ -224,28 +260,8 @@ impl Image {
                 return Err(PyValueError::new_err(message));
             }
         };
-        let wrong = |e: String| PyValueError::new_err(format!("white \"{white}\": {e}"));
-        let development = Development {
-            exposure: match exposure {
-                None => base.exposure,
-                Some(stops) if stops.abs() <= 1000.0 => Exposure::Stops(stops),
-                Some(stops) => {
-                    let message = format!("an exposure of {stops} stops (allowed: -1000 to 1000)");
-                    return Err(PyValueError::new_err(message));
-                }
-            },
-            tone: named("tone curve", tone, base.tone)?,
-            white: white.parse::<White>().map_err(wrong)?,
-            display: named("display", Some(display), Display::Srgb)?,
-        };
-        let xyz = match layer {
-            None => self.image.xyz(),
-            Some(name) => self.image.layer_xyz(name),
-        };
-        let xyz = xyz.ok_or_else(|| {
-            let there = self.channels().join(", ");
-            PyKeyError::new_err(format!("no such layer (channels: {there})"))
-        })?;
+        let development = self.development(exposure, tone, white, display)?;
+        let xyz = self.xyz(layer)?;
         let size = (self.image.crop.width(), self.image.crop.height());
         let (png, picture) = py.detach(|| {
             let picture = development.develop(&xyz);
@@ -263,6 +279,28 @@ impl Image {
         let [rows, columns] = self.size();
         let pixels = words.into_pyarray(py).reshape([rows, columns, 3])?;
         Ok((png, pixels, picture.stops, picture.clipped))
+    }
+
+    /// A figure as SVG: the picture, its scale, values along the row and the column of a pixel, the
+    /// flux of a detector.
+    #[pyo3(signature = (title, exposure, tone, layer, at))]
+    fn figure(
+        &self,
+        py: Python,
+        title: &str,
+        exposure: Option<f64>,
+        tone: Option<&str>,
+        layer: Option<&str>,
+        at: Option<[u32; 2]>,
+    ) -> PyResult<String> {
+        let development = self.development(exposure, tone, "none", "srgb")?;
+        let xyz = self.xyz(layer)?;
+        let size = (self.image.crop.width(), self.image.crop.height());
+        py.detach(|| {
+            let png = developed_bytes(size, &xyz, &development).map_err(os_error)?;
+            let wrong = |e: String| PyValueError::new_err(format!("the image {e}"));
+            figure(&self.image, &xyz, &png, title, at).map_err(wrong)
+        })
     }
 
     /// Names of tone curves and displays.

@@ -6,7 +6,8 @@
 //! where it stopped.
 
 use super::data::Extent;
-use super::matrix::Variant;
+use super::light::{self, ClassLight};
+use super::matrix::{Detail, Variant};
 use crate::io::exr::{self, Channel};
 use crate::io::identity::{VERSION, settings_hash};
 use crate::io::image;
@@ -41,7 +42,7 @@ pub struct Snapshot {
 }
 
 /// A finished cell.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
     /// Hash of all that it depends on.
     key: String,
@@ -51,6 +52,8 @@ pub struct Cell {
     pub rays: u64,
     /// Images, by passes.
     pub snapshots: Vec<Snapshot>,
+    /// Light by class, where it is kept.
+    pub classes: Vec<ClassLight>,
 }
 
 /// How cells are rendered.
@@ -87,7 +90,7 @@ impl Plan<'_> {
         overrides.push(("render.seed".to_owned(), seed.to_string()));
         let loaded = loaded::load_frozen(self.scene, &overrides, variant.frozen)?;
         let key = format!(
-            "{VERSION} {:016x} {:016x} {:?} {} {seed} {extent:?} {} {}",
+            "{VERSION} {:016x} {:016x} {:?} {:?} {seed} {extent:?} {} {}",
             loaded.scene.hash,
             settings_hash(
                 &loaded.scene,
@@ -96,7 +99,7 @@ impl Plan<'_> {
                 loaded.response()
             ),
             variant.frozen,
-            variant.layers,
+            variant.detail,
             self.threads,
             self.sensor,
         );
@@ -106,15 +109,10 @@ impl Plan<'_> {
         if let Some(cell) = self.finished(&file, &key) {
             return Ok(Some((cell, false)));
         }
-        let Some((rays, snapshots)) = self.render(&loaded, &stem, extent, variant.layers)? else {
+        let Some(mut cell) = self.render(&loaded, &stem, extent, variant.detail)? else {
             return Ok(None);
         };
-        let cell = Cell {
-            key,
-            seed,
-            rays,
-            snapshots,
-        };
+        (cell.key, cell.seed) = (key, seed);
         json::write(&file, &cell)?;
         Ok(Some((cell, true)))
     }
@@ -141,14 +139,16 @@ impl Plan<'_> {
         loaded: &Loaded,
         stem: &str,
         extent: Extent,
-        layers: bool,
-    ) -> Result<Option<(u64, Vec<Snapshot>)>, ReportError> {
+        detail: Detail,
+    ) -> Result<Option<Cell>, ReportError> {
+        let layers = detail == Detail::Strategies;
         let options = SessionOptions {
             sensor: self.sensor,
             outputs: OutputRequest {
                 response: loaded.response(),
                 strategies: layers,
                 shares: layers,
+                class_table: detail == Detail::Classes,
                 ..OutputRequest::default()
             },
             passes: Some(0..MOST_PASSES),
@@ -156,12 +156,12 @@ impl Plan<'_> {
             ..SessionOptions::default()
         };
         let mut session = Session::new(Arc::clone(&loaded.scene), &loaded.settings, options)?;
-        let (mut rays, mut snapshots) = (0, Vec::new());
+        let mut cell = Cell::default();
         let stop = session.run_with(|session, progress| {
             if progress.stop == Some(StopReason::Interrupted) {
                 return Ok(ControlFlow::Break(()));
             }
-            rays = progress.rays;
+            cell.rays = progress.rays;
             let passes = progress.passes as u32;
             // pilots do not count: a curve that began with them would seem to fall faster than it
             // does
@@ -170,10 +170,10 @@ impl Plan<'_> {
             // machine take nothing from a cell
             let used = cpu_seconds / self.threads as f64;
             let last = passes == MOST_PASSES || passes >= 2 && extent.is_reached(passes, used);
-            if last || !layers && passes >= 2 && passes.is_power_of_two() {
+            if last || detail == Detail::Image && passes >= 2 && passes.is_power_of_two() {
                 let image = format!("{stem}-{passes}.exr");
                 self.write(&image, &session.render(), last)?;
-                snapshots.push(Snapshot {
+                cell.snapshots.push(Snapshot {
                     image,
                     passes,
                     cpu_seconds: microseconds(cpu_seconds),
@@ -186,7 +186,8 @@ impl Plan<'_> {
                 ControlFlow::Continue(())
             })
         })?;
-        Ok((stop != StopReason::Interrupted).then_some((rays, snapshots)))
+        cell.classes = light::of_render(&session.render());
+        Ok((stop != StopReason::Interrupted).then_some(cell))
     }
 
     /// Writes the image: all of XYZ at the end of a cell, Y alone before, and a sample of its

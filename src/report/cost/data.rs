@@ -1,5 +1,6 @@
 //! The report as data, of which page, tables and plots are views; `cost.json` is this.
 
+use super::light::Missed;
 use super::measure::{Measured, Summary};
 use crate::math::named::named;
 use crate::report::{ReportError, json};
@@ -77,6 +78,8 @@ pub struct Outcome {
     pub keys: Vec<(String, String)>,
     /// Measures of the variant as a whole.
     pub summary: Summary,
+    /// Light that it misses; of methods and the scene as it is, where methods are compared.
+    pub missed: Option<Missed>,
     /// Measures of each image.
     pub points: Vec<Measured>,
 }

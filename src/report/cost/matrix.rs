@@ -39,8 +39,20 @@ pub struct Variant {
     pub overrides: Vec<(String, String)>,
     /// The effect left out of the scene, where no key does it.
     pub frozen: Option<Frozen>,
-    /// Whether its images hold one layer per strategy.
-    pub layers: bool,
+    /// Things kept besides its images.
+    pub detail: Detail,
+}
+
+/// Things that a cell keeps besides images of all light. They take time, so that cells that are
+/// timed keep nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Detail {
+    /// Nothing.
+    Image,
+    /// One layer per strategy, in its last image.
+    Strategies,
+    /// The table of classes of paths.
+    Classes,
 }
 
 impl Variant {
@@ -52,13 +64,24 @@ impl Variant {
             groups: vec![group],
             overrides: overrides.iter().map(own).collect(),
             frozen: None,
-            layers: false,
+            detail: Detail::Image,
         }
     }
 
     /// A method, without anything else that differs.
     fn method(id: &str, label: &str, group: Group, method: Method) -> Self {
         Self::new(id, label, group, &method.keys())
+    }
+
+    /// The same with its light by class of paths; `None` where it is not compared by it.
+    #[must_use]
+    pub fn by_class(&self) -> Option<Self> {
+        (self.is_base() || self.groups.contains(&Group::Methods)).then(|| Self {
+            id: format!("{}-light", self.id),
+            label: format!("{}: light by class", self.label),
+            detail: Detail::Classes,
+            ..self.clone()
+        })
     }
 
     /// Whether this is the scene as it is.
@@ -421,7 +444,7 @@ impl<'a> Base<'a> {
         let keys = [("max_depth", &*depth)];
         let mut layers = Variant::new("layers", "strategies", Group::Methods, &keys);
         layers.groups.clear();
-        layers.layers = true;
+        layers.detail = Detail::Strategies;
         if size.width > LAYERS_WIDTH {
             let height =
                 (u64::from(size.height) * u64::from(LAYERS_WIDTH)).div_ceil(u64::from(size.width));

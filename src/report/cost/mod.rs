@@ -6,6 +6,7 @@
 mod cell;
 mod data;
 mod layers;
+mod light;
 mod matrix;
 mod measure;
 mod page;
@@ -15,6 +16,7 @@ mod words;
 
 pub use cell::MOST_PASSES;
 pub use data::{Extent, Group, Outcome, ReferenceNote, Report};
+pub use light::{ClassLight, ClassMissed, Missed};
 pub use measure::{Measured, Measures, Spread, Summary, TimeTo};
 
 use super::{ReportError, json};
@@ -27,6 +29,7 @@ use crate::render::Cancel;
 use cell::{Cell, Plan};
 use matrix::{Base, Variant};
 use measure::Luminance;
+use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -186,8 +189,16 @@ impl Study {
         let base = Base::new(&self.loaded, self.sensor);
         let variants = base.variants(&request.vary);
         let cells = variants.len() as u32 * request.seeds;
+        let by_class: Vec<(String, Variant)> = match request.vary.contains(&Group::Methods) {
+            true => variants
+                .iter()
+                .filter_map(|v| Some((v.id.clone(), v.by_class()?)))
+                .collect(),
+            false => Vec::new(),
+        };
         // and the strategies one by one
-        let others = 1 + request.reference.as_ref().map_or(REFERENCE_CELLS, |_| 0);
+        let others =
+            1 + by_class.len() as u32 + request.reference.as_ref().map_or(REFERENCE_CELLS, |_| 0);
         tell(Event::Begins {
             variants: variants.len(),
             cells: cells + others,
@@ -211,12 +222,20 @@ impl Study {
             }
             measured.retain(|(variant, _)| !failed.contains(&variant.id));
         }
+        let mut light: Vec<(String, Vec<ClassLight>)> = Vec::new();
+        for (id, variant) in &by_class {
+            match self.cell(&plan, variant, None, tell)? {
+                Made::Cell(cell) => light.push((id.clone(), cell.classes)),
+                Made::LeftOut => {}
+                Made::Cancelled => return Ok(None),
+            }
+        }
         let strategies = match self.cell(&plan, &base.layers(), None, tell)? {
             Made::Cell(cell) => layers::section(&plan.last_image(&cell)?)?,
             Made::LeftOut => String::new(),
             Made::Cancelled => return Ok(None),
         };
-        let report = self.report(threads, &reference, measured);
+        let report = self.report(threads, &reference, measured, &light);
         self.write(&report, &reference, &strategies)?;
         Ok(Some(report))
     }
@@ -279,6 +298,7 @@ impl Study {
         threads: usize,
         reference: &Reference,
         measured: Vec<(Variant, Vec<Measured>)>,
+        light: &[(String, Vec<ClassLight>)],
     ) -> Report {
         let (request, scene) = (&self.request, &self.loaded.scene);
         let sensor = &scene.sensors[self.sensor];
@@ -288,7 +308,11 @@ impl Study {
             .map(|(_, points)| measure::common_seconds(points))
             .fold(f64::INFINITY, f64::min);
         let floor = reference.variance.unwrap_or(0.0);
-        let outcome = |(variant, points): (Variant, Vec<Measured>)| Outcome {
+        let tables: Vec<&[ClassLight]> = light.iter().map(|(_, table)| &table[..]).collect();
+        let names = light.iter().map(|(id, _)| id.clone());
+        let mut missed: BTreeMap<String, Missed> = names.zip(light::missed(&tables)).collect();
+        let mut outcome = |(variant, points): (Variant, Vec<Measured>)| Outcome {
+            missed: missed.remove(&variant.id),
             id: variant.id,
             label: variant.label,
             groups: variant.groups,
@@ -296,7 +320,7 @@ impl Study {
             summary: measure::summarize(&points, floor, equal_time_seconds),
             points,
         };
-        let variants: Vec<Outcome> = measured.into_iter().map(outcome).collect();
+        let variants: Vec<Outcome> = measured.into_iter().map(&mut outcome).collect();
         let media = scene.media.iter();
         Report {
             version: VERSION.to_owned(),

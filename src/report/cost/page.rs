@@ -128,8 +128,20 @@ fn with_error(v: Spread) -> String {
     }
 }
 
+/// Share of the light that was never found, and of that found too rarely to be trusted.
+fn light_missed(result: &Outcome) -> String {
+    let Some(missed) = &result.missed else {
+        return "&ndash;".to_owned();
+    };
+    match missed.shares() {
+        [0.0, 0.0] => "none".to_owned(),
+        [never, 0.0] => percent(never),
+        [never, rarely] => format!("{}, rarely found {}", percent(never), percent(rarely)),
+    }
+}
+
 fn table(results: &[Outcome]) -> String {
-    let mut html = "<tr><th>variant</th><th>CPU s per sample</th><th>CPU s to variance 1</th><th>error at the end</th><th>in equal time</th><th>without the worst 0.1 %</th><th>log-RMSE</th><th>bias</th>"
+    let mut html = "<tr><th>variant</th><th>light missed</th><th>CPU s per sample</th><th>CPU s to variance 1</th><th>error at the end</th><th>in equal time</th><th>without the worst 0.1 %</th><th>log-RMSE</th><th>bias</th>"
         .to_owned();
     for target in TARGETS {
         _ = write!(html, "<th>to {}</th>", percent(target));
@@ -138,6 +150,7 @@ fn table(results: &[Outcome]) -> String {
     for result in results {
         let s = &result.summary;
         let cells = [
+            light_missed(result),
             with_error(s.pass_seconds),
             with_error(s.unit_variance_seconds),
             percent(s.final_error.mean),

@@ -67,14 +67,20 @@ pub fn remains(summary: &Summary) -> String {
 /// Findings on each variant, against the scene as it is.
 #[must_use]
 pub fn sentences(results: &[Outcome], reference_variance: Option<f64>) -> Vec<String> {
-    let mut out = vec![match reference_variance {
+    // what is not found at all comes before what it costs to find the rest
+    let misses = |r: &Outcome| {
+        let words = r.missed.as_ref()?.words();
+        (!words.is_empty()).then(|| format!("{} {words}.", r.label))
+    };
+    let mut out: Vec<String> = results.iter().filter_map(misses).collect();
+    out.push(match reference_variance {
         Some(v) => format!(
             "The reference has a relative error of {} itself (from its halves); errors below it are not claimed.",
             percent(v.sqrt())
         ),
         None => "The error of the reference is not known: what is measured against it includes it."
             .to_owned(),
-    }];
+    });
     let Some(base) = results.iter().find(|r| r.id == BASE) else {
         return out;
     };

@@ -13,7 +13,7 @@ pub use view::{drawing, json, text};
 use super::ReportError;
 use crate::film::Crop;
 use crate::io::exr::{ExrImage, MetadataValue, spectral_channel_nm};
-use crate::io::identity::{PIXEL_PITCH, pitch_of_text};
+use crate::io::identity::{self, PIXEL_PITCH, pitch_of_text};
 use crate::spectrum::SensorResponse;
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
@@ -224,14 +224,9 @@ fn planes(image: &ExrImage) -> (Vec<Plane>, &'static str) {
             _ => Some(layer.to_owned()),
         }
     };
-    let photometric = match image.metadata.get("unit") {
-        Some(MetadataValue::Text(text)) => text.starts_with("photometric"),
-        _ => false,
-    };
-    let response = if photometric {
-        SensorResponse::Photometric
-    } else {
-        SensorResponse::Xyz
+    let response = match image.metadata.get(identity::UNIT) {
+        Some(MetadataValue::Text(text)) => identity::response_of_unit(text),
+        _ => SensorResponse::Xyz,
     };
     let unit = response.photometric_unit();
     let planes = image.channels.iter().filter_map(|channel| {
