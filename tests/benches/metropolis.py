@@ -1,19 +1,20 @@
 #!/usr/bin/env python3
 """Log-RMSE against CPU time of independent and of Metropolis samples, without cones, with cones and aimed.
 
-    python3 tests/benches/metropolis.py ABBE [--times 1,5,20] [--seeds 3] [--size 80,60] [--reference REFERENCE.exr]
-        [--csv FILE]
+    python3 tests/benches/metropolis.py ABBE [--times 1,3,10,30,100] [--seeds 3] [--long 300] [--size 80,60]
+        [--reference REFERENCE.exr] [--csv FILE] [--plot FILE.svg]
 
-The torus in its cube of glass (Figure 1 of Bouchard et al. 2013), one thread. Each render has as many passes as fill a time,
-by the speed of a short one, and its CPU time is that of the passes as `--stats` tells; errors are against a long render by
-photon merging, another estimator, made first if it is not given. Printed is, for each method and time, the median of the log-RMSE over
-the seeds with the least and the largest, and the median CPU time. Run by hand; nothing depends on how fast the machine is but where the
-points lie.
+The torus in its cube of glass (Figure 1 of Bouchard et al. 2013), one thread. Each method and seed is one render that is stopped near
+each of the times, by the speed of a short one, and goes on from its part; CPU time is that of the program, start and pilots included.
+The first seed goes on to the time of --long. Errors are against a long render by photon merging, another estimator, made first if it is
+not given. Printed is, for each method and time, the median of the log-RMSE over the seeds with the least and the largest, and the median
+CPU time; --plot draws them (matplotlib). Run by hand; nothing depends on how fast the machine is but where the points lie.
 """
 
 import argparse
 import csv
 import json
+import os
 import pathlib
 import statistics
 import subprocess
@@ -30,25 +31,30 @@ METHODS = {
     "pssmlt, regularized": ["--integrator", "pssmlt", "--regularize", "mis", "--aim", "off"],
     "pssmlt, aimed": ["--integrator", "pssmlt", "--regularize", "off", "--aim", "auto"],
 }
+FIRST_SEED = 11
 
 
 def run(*command):
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(f"{' '.join(map(str, command))}\n{done.stderr}")
-    return done.stdout
+    """Standard output and CPU seconds of a command."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        process = subprocess.Popen([str(c) for c in command], stdout=out, stderr=err)
+        _, status, usage = os.wait4(process.pid, 0)
+        out.seek(0)
+        err.seek(0)
+        if status:
+            sys.exit(f"{' '.join(map(str, command))}\n{err.read().decode()}")
+        return out.read().decode(), usage.ru_utime + usage.ru_stime
 
 
 class Bench:
     def __init__(self, arguments, folder):
         self.abbe, self.folder, self.size = arguments.abbe, folder, arguments.size
-        self.image, self.stats = folder / "image.exr", folder / "stats.json"
+        self.image, self.part = folder / "image.exr", folder / "image.part"
 
-    def render(self, method, passes, seed, image, threads=1):
+    def render(self, method, passes, seed, image, *more, threads=1):
         common = ["--set", f"sensor.0.resolution=[{self.size}]", "--filter", "box", "--threads", threads]
-        output = ["--spp", passes, "--seed", seed, "--stats", self.stats, "-o", image, "--no-preview", "-q"]
-        run(self.abbe, "render", SCENE, *common, *method, *output)
-        return json.loads(self.stats.read_text())["sensors"][0]["cpu_seconds"]
+        output = ["--spp", passes, "--seed", seed, "-o", image, "--no-preview", "-q", *more]
+        return run(self.abbe, "render", SCENE, *common, *method, *output)[1]
 
     def reference(self):
         image = self.folder / "reference.exr"
@@ -57,45 +63,84 @@ class Bench:
         return image
 
     def error(self, reference):
-        return json.loads(run(self.abbe, "compare", self.image, reference, "--json"))["log_rmse"]
+        return json.loads(run(self.abbe, "compare", self.image, reference, "--json")[0])["log_rmse"]
+
+    def curve(self, method, seed, times, reference):
+        """(passes, CPU seconds, log-RMSE) near each of the times."""
+        # the difference of two short renders is without what comes before the first pass
+        few, more = (self.render(method, passes, seed, self.image) for passes in (16, 48))
+        per_pass = max((more - few) / 32, 1e-4)
+        self.part.unlink(missing_ok=True)
+        passes = cpu = 0
+        points = []
+        for time in times:
+            passes = max(4, passes + 2, passes + round((time - cpu) / per_pass))
+            kept = ["--resume"] if points else []
+            cpu += self.render(method, passes, seed, self.image, "--part", self.part, *kept)
+            per_pass = cpu / passes
+            points.append((passes, cpu, self.error(reference)))
+        return points
+
+
+def plot(curves, file):
+    import matplotlib
+
+    matplotlib.use("svg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(7, 4.6))
+    colors = {"": "#d55e00", ", regularized": "#0072b2", ", aimed": "#009e73"}
+    for name, points in curves.items():
+        kind = name.removeprefix("bdpt").removeprefix("pssmlt")
+        times = [statistics.median(p[1] for p in at) for at in points]
+        errors = [sorted(p[2] for p in at) for at in points]
+        style = "--" if name.startswith("bdpt") else "-"
+        axes.plot(times, [statistics.median(e) for e in errors], style, color=colors[kind], marker="o", ms=3, label=name)
+        axes.fill_between(times, [e[0] for e in errors], [e[-1] for e in errors], color=colors[kind], alpha=0.12)
+    axes.set(xscale="log", yscale="log", xlabel="CPU time (s)", ylabel="log-RMSE")
+    axes.grid(which="both", alpha=0.25)
+    axes.legend(fontsize="small")
+    figure.tight_layout()
+    figure.savefig(file, metadata={"Date": None})
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("abbe", type=pathlib.Path)
-    parser.add_argument("--times", default="1,5,20", help="CPU seconds")
+    parser.add_argument("--times", default="1,3,10,30,100", help="CPU seconds")
+    parser.add_argument("--long", type=float, help="CPU seconds of the first seed")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--size", default="80,60")
     parser.add_argument("--reference", type=pathlib.Path)
     parser.add_argument("--methods", default=";".join(METHODS))
     parser.add_argument("--csv", type=pathlib.Path)
+    parser.add_argument("--plot", type=pathlib.Path)
     arguments = parser.parse_args()
     times = [float(t) for t in arguments.times.split(",")]
-    rows = []
+    rows, curves = [], {}
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(arguments, pathlib.Path(folder))
         reference = arguments.reference or bench.reference()
         for name in arguments.methods.split(";"):
             method = METHODS[name]
-            # the difference of two short renders is without what comes before the first pass
-            few, more = (bench.render(method, passes, 1, bench.image) for passes in (16, 48))
-            first, per_pass = few, max((more - few) / 32, 1e-4)
-            for time in times:
-                passes = max(4, round((time - max(first - 16 * per_pass, 0)) / per_pass))
-                runs = []
-                for seed in range(11, 11 + arguments.seeds):
-                    cpu = bench.render(method, passes, seed, bench.image)
-                    runs.append((cpu, bench.error(reference)))
-                    rows.append([name, passes, seed, *runs[-1]])
-                cpu = statistics.median(r[0] for r in runs)
-                errors = sorted(r[1] for r in runs)
-                spread = f"{errors[0]:.3f} to {errors[-1]:.3f}"
-                print(f"| {name} | {passes} | {cpu:.1f} s | {statistics.median(errors):.3f} ({spread}) |", flush=True)
+            by_seed = []
+            for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
+                beyond = [arguments.long] if arguments.long and seed == FIRST_SEED else []
+                by_seed.append(bench.curve(method, seed, times + beyond, reference))
+                rows += [[name, seed, *point] for point in by_seed[-1]]
+            curves[name] = [[c[i] for c in by_seed if i < len(c)] for i in range(len(by_seed[0]))]
+            for at in curves[name]:
+                passes, cpu = (statistics.median(p[i] for p in at) for i in (0, 1))
+                errors = sorted(p[2] for p in at)
+                spread = f"{errors[0]:.3f} to {errors[-1]:.3f}" if len(at) > 1 else "one seed"
+                print(f"| {name} | {passes:.0f} | {cpu:.1f} s | {statistics.median(errors):.3f} ({spread}) |", flush=True)
     if arguments.csv:
         with arguments.csv.open("w", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow(["method", "passes", "seed", "cpu_seconds", "log_rmse"])
+            writer.writerow(["method", "seed", "passes", "cpu_seconds", "log_rmse"])
             writer.writerows(rows)
+    if arguments.plot:
+        plot(curves, arguments.plot)
 
 
 if __name__ == "__main__":
