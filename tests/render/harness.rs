@@ -1,13 +1,15 @@
 //! Renders small scenes in independent batches, so that every number comes with its standard error.
 
-use abbe::film::Crop;
+use abbe::film::{Crop, Film};
 use abbe::io::scene_file::parse_str;
 use abbe::math::hash::combine;
+use abbe::math::named::Named;
 use abbe::render::{OutputRequest, PathExpression, Render};
-use abbe::scene::settings::{IntegratorKind, Regularize};
+use abbe::scene::settings::{Heuristic, IntegratorKind, Regularize};
 use abbe::scene::{Scene, Settings};
 use abbe::spectrum::SpectralChannels;
 use rayon::prelude::*;
+use regex::Regex;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -78,13 +80,16 @@ pub fn scene(text: &str) -> (Arc<Scene>, Settings) {
     )
 }
 
-/// A scene whose files lie in `folder`.
+/// A scene whose files lie in `folder`. `ABBE_TEST_WEIGHTS` replaces the weights.
 pub fn scene_in(folder: &Path, text: &str) -> (Arc<Scene>, Settings) {
     let mut loaded = parse_str(text, folder).unwrap_or_else(|e| panic!("{e}"));
     // what is compared with exact numbers must ask for a bias to get one
     let regularization = &mut loaded.settings.regularization;
     if regularization.mode == Regularize::Auto {
         regularization.mode = Regularize::Off;
+    }
+    if let Ok(weights) = std::env::var("ABBE_TEST_WEIGHTS") {
+        loaded.settings.heuristic = Heuristic::named(&weights).expect("a name of weights");
     }
     (
         Arc::new(Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}"))),
@@ -118,12 +123,10 @@ pub fn measure(
     passes: u32,
     classes: &[&str],
 ) -> Measured {
+    let valid = "invariant: tests give valid expressions";
     let classes: Vec<PathExpression> = classes
         .iter()
-        .map(|c| {
-            PathExpression::new(&format!("^{c}$"), scene)
-                .expect("invariant: tests give valid expressions")
-        })
+        .map(|c| PathExpression::new(&format!("^{c}$"), scene).expect(valid))
         .collect();
     let all: Vec<Batch> = (0..batches)
         .into_par_iter()
@@ -173,8 +176,14 @@ fn one_batch(
         seed: combine(settings.seed, u64::from(batch) + 1),
         ..settings.clone()
     };
+    // the table holds what films of the classes would, at less cost; it does not know surfaces
+    let needs_films = classes.iter().any(PathExpression::needs_events);
     let request = OutputRequest {
-        classes: classes.to_vec(),
+        classes: if needs_films {
+            classes.to_vec()
+        } else {
+            Vec::new()
+        },
         class_table: true,
         ..OutputRequest::default()
     };
@@ -199,34 +208,35 @@ fn one_batch(
         "chains solved for that their own paths do not count"
     );
     let pixels = crop.pixels() as f64;
-    let mean_y = |film: &abbe::film::Film| {
-        film.image(u64::from(passes))
-            .iter()
-            .skip(1)
-            .step_by(3)
-            .sum::<f64>()
-            / pixels
+    let mean_y = |film: &Film| {
+        let image = film.image(u64::from(passes));
+        image.iter().skip(1).step_by(3).sum::<f64>() / pixels
     };
     let norm = pixels * f64::from(passes);
-    (
-        mean_y(&render.outputs().image),
-        render
-            .outputs()
+    let strategies: BTreeMap<_, _> = render
+        .table()
+        .rows()
+        .map(|(&(class, s, t), row)| {
+            let means = (row.raw / norm, row.weighted / norm);
+            ((class.to_string(), s, t), means)
+        })
+        .collect();
+    let of_class = |class: &PathExpression| {
+        let class = Regex::new(class.source()).expect("compiled before");
+        let rows = strategies.iter().filter(|(key, _)| class.is_match(&key.0));
+        rows.map(|(_, (_, weighted))| weighted).sum()
+    };
+    let outputs = render.outputs();
+    let of_classes = if needs_films {
+        outputs
             .classes
             .iter()
             .map(|(_, film)| mean_y(film))
-            .collect(),
-        render
-            .table()
-            .rows()
-            .map(|(&(class, s, t), row)| {
-                (
-                    (class.to_string(), s, t),
-                    (row.raw / norm, row.weighted / norm),
-                )
-            })
-            .collect(),
-    )
+            .collect()
+    } else {
+        classes.iter().map(of_class).collect()
+    };
+    (mean_y(&outputs.image), of_classes, strategies)
 }
 
 pub fn with(settings: &Settings, integrator: IntegratorKind) -> Settings {
