@@ -131,7 +131,7 @@ impl<'a> AccelAt<'a> {
         let mut t_best = ray.t_max;
         let entry = top.tree.enter(ray.o, ray.d, ray.t_max)?;
         top.tree.closest(
-            entry,
+            &entry,
             |_| (),
             |leaf| {
                 let instance = InstanceId(top.order[leaf.start as usize]);
@@ -141,12 +141,14 @@ impl<'a> AccelAt<'a> {
                 let Instance { shape, transform } = self.accel.instance(instance);
                 let placement = transform.at(self.moment);
                 let to_object = &placement.to_object;
-                let local = LocalRay::new(ray, instance, to_object, t_best, shape.extent());
+                let local = |extent| LocalRay::new(ray, instance, to_object, t_best, extent);
                 let (t, prim, uv) = match shape {
-                    Shape::Mesh(mesh) => mesh.closest(&local, self.moment.time())?,
-                    Shape::Deforming(mesh) => mesh.closest(&local, self.moment.time())?,
+                    Shape::Mesh(mesh) => mesh.closest(&local(mesh.extent()), self.moment.time())?,
+                    Shape::Deforming(mesh) => {
+                        mesh.closest(&local(mesh.extent()), self.moment.time())?
+                    }
                     _ => shape
-                        .analytic_hit(&local)
+                        .analytic_hit(ray.ends_on(instance), local)
                         .map(|(t, prim)| (t, prim, DVec2::ZERO))?,
                 };
                 best = Some(Hit {
@@ -185,7 +187,7 @@ impl<'a> AccelAt<'a> {
             return false;
         };
         top.tree.any(
-            entry,
+            &entry,
             |_| (),
             |leaf| {
                 let instance = InstanceId(top.order[leaf.start as usize]);
@@ -195,11 +197,13 @@ impl<'a> AccelAt<'a> {
                 let Instance { shape, transform } = self.accel.instance(instance);
                 let placement = transform.at(self.moment);
                 let to_object = &placement.to_object;
-                let local = LocalRay::new(ray, instance, to_object, ray.t_max, shape.extent());
+                let local = |extent| LocalRay::new(ray, instance, to_object, ray.t_max, extent);
                 let is_hit = match shape {
-                    Shape::Mesh(mesh) => mesh.occluded(&local, self.moment.time()),
-                    Shape::Deforming(mesh) => mesh.occluded(&local, self.moment.time()),
-                    _ => shape.analytic_hit(&local).is_some(),
+                    Shape::Mesh(mesh) => mesh.occluded(&local(mesh.extent()), self.moment.time()),
+                    Shape::Deforming(mesh) => {
+                        mesh.occluded(&local(mesh.extent()), self.moment.time())
+                    }
+                    _ => shape.analytic_hit(ray.ends_on(instance), local).is_some(),
                 };
                 is_hit && stops(instance)
             },

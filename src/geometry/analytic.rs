@@ -17,7 +17,7 @@ pub(super) fn sphere(ray: &LocalRay) -> Option<FaceHit> {
     let roots = unit_roots(ray.o, ray.d, ray);
     roots
         .into_iter()
-        .find(|&t| ray.counts(t, approach(t)))
+        .find(|&t| ray.counts(t, || approach(t)))
         .map(|t| (t, 0))
 }
 
@@ -29,7 +29,7 @@ pub(super) fn cylinder(ray: &LocalRay) -> Option<FaceHit> {
     let inside = |t: f64| (ray.o.z + ray.d.z * t).abs() <= 1.0;
     roots
         .into_iter()
-        .find(|&t| inside(t) && ray.counts(t, approach(t)))
+        .find(|&t| inside(t) && ray.counts(t, || approach(t)))
         .map(|t| (t, 0))
 }
 
@@ -64,13 +64,11 @@ fn unit_roots(o: DVec3, d: DVec3, ray: &LocalRay) -> [f64; 2] {
     }
 }
 
-/// Where the ray meets the part of the plane z = 0 that is `inside`, if that plane is not an end of
-/// it.
+/// Where the ray, no end of which lies in the plane z = 0, meets the part of it that is `inside`.
+#[inline(always)]
 fn plane(ray: &LocalRay, inside: impl Fn(DVec2) -> bool) -> Option<FaceHit> {
     let t = -ray.o.z / ray.d.z;
-    let named = ray.start.is_some() || ray.end.is_some();
-    let is_hit =
-        !named && ray.reaches(t) && inside(ray.at(t).truncate()) && ray.counts(t, ray.d.z.abs());
+    let is_hit = ray.reaches(t) && inside(ray.at(t).truncate()) && ray.counts(t, || ray.d.z.abs());
     is_hit.then_some((t, 0))
 }
 
@@ -80,6 +78,7 @@ pub(super) fn disk(ray: &LocalRay, inner: f64) -> Option<FaceHit> {
 }
 
 /// The square -1..1 in z = 0.
+#[inline(always)]
 pub(super) fn quad(ray: &LocalRay) -> Option<FaceHit> {
     plane(ray, |p| p.abs().max_element() <= 1.0)
 }
@@ -129,5 +128,5 @@ pub(super) fn cube(ray: &LocalRay) -> Option<FaceHit> {
     candidates
         .into_iter()
         .flatten()
-        .find(|&(t, face)| ray.counts(t, toward(face).abs()))
+        .find(|&(t, face)| ray.counts(t, || toward(face).abs()))
 }

@@ -93,7 +93,7 @@ impl AccelAt<'_> {
             }
         };
         top.tree.any(
-            entry,
+            &entry,
             |_| (),
             |leaf| {
                 let id = InstanceId(top.order[leaf.start as usize]);
@@ -103,17 +103,21 @@ impl AccelAt<'_> {
                 let half = coincidence_distance(&placement, shape.extent(), p.abs(), n);
                 let across = Ray::new(p - n * half, n).ending(2.0 * half, None);
                 let to_object = &placement.to_object;
-                let local = LocalRay::new(&across, id, to_object, 2.0 * half, shape.extent());
+                let local = |extent| LocalRay::new(&across, id, to_object, 2.0 * half, extent);
                 let time = self.moment().time();
                 match shape {
                     Shape::Mesh(mesh) => {
-                        mesh.each(&local, time, |prim, weights| met(id, prim, weights));
+                        mesh.each(&local(mesh.extent()), time, |prim, weights| {
+                            met(id, prim, weights);
+                        });
                     }
                     Shape::Deforming(mesh) => {
-                        mesh.each(&local, time, |prim, weights| met(id, prim, weights));
+                        mesh.each(&local(mesh.extent()), time, |prim, weights| {
+                            met(id, prim, weights);
+                        });
                     }
                     _ => {
-                        if let Some((_, prim)) = shape.analytic_hit(&local) {
+                        if let Some((_, prim)) = shape.analytic_hit(false, local) {
                             met(id, prim, DVec2::ZERO);
                         }
                     }

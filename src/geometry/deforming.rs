@@ -7,7 +7,7 @@
 //! comparison to their size, boxes overlap and rays test many triangles in vain; the shutter is
 //! then cut into segments with a tree each, as many as measured tests per ray pay for.
 
-use super::mesh::{Attributes, Corners, CornersAt, MeshError, TriangleMesh, check, vec};
+use super::mesh::{self, Attributes, Corners, CornersAt, MeshError, TriangleMesh, check, vec};
 use super::ray::LocalRay;
 use super::shape::Shape;
 use super::shutter::Shutter;
@@ -332,6 +332,7 @@ impl Deforming {
                 segments: whole,
             },
             attributes,
+            extent: mesh::extent(bounds),
             bounds,
         };
         mesh.choose_segments();

@@ -80,10 +80,12 @@ impl LensShape {
             let t = hit.t / length;
             // the other crossings of the surface that an end lies on are told from the end however
             // flat the chord is
-            let approach = if is_end {
-                length
-            } else {
-                hit.normal.dot(ray.d).abs()
+            let approach = || {
+                if is_end {
+                    length
+                } else {
+                    hit.normal.dot(ray.d).abs()
+                }
             };
             if ray.counts(t, approach) {
                 return Some((t, 0));

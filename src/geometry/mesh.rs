@@ -67,6 +67,8 @@ pub struct TriangleMesh<C> {
     pub(super) attributes: Option<Attributes>,
     /// In object space, over the shutter.
     pub(super) bounds: (DVec3, DVec3),
+    /// Largest coordinate of the bounds.
+    pub(super) extent: f64,
 }
 
 /// Attributes of vertices that do not change over time.
@@ -207,7 +209,7 @@ impl<C: Corners> TriangleMesh<C> {
     /// Largest coordinate in object space over the shutter.
     #[inline]
     pub(super) fn extent(&self) -> f64 {
-        self.bounds.0.abs().max(self.bounds.1.abs()).max_element()
+        self.extent
     }
 
     /// Ray and filter for tests of triangles by a ray that enters the tree.
@@ -239,7 +241,7 @@ impl<C: Corners> TriangleMesh<C> {
         let mut best = None;
         let mut t_best = ray.t_max;
         let fetch = |leaf| corners.fetch(leaf);
-        corners.tree().closest(entry, fetch, |leaves| {
+        corners.tree().closest(&entry, fetch, |leaves| {
             let mut nearer = None;
             for leaf in leaves {
                 let prim = corners.prim(leaf);
@@ -264,7 +266,7 @@ impl<C: Corners> TriangleMesh<C> {
         };
         let prepared = self.prepare(ray, &entry);
         let fetch = |leaf| corners.fetch(leaf);
-        corners.tree().any(entry, fetch, |mut leaves| {
+        corners.tree().any(&entry, fetch, |mut leaves| {
             leaves.any(|leaf| hit(corners, ray, &prepared, corners.prim(leaf), ray.t_max).is_some())
         })
     }
@@ -278,7 +280,7 @@ impl<C: Corners> TriangleMesh<C> {
         };
         let prepared = self.prepare(ray, &entry);
         corners.tree().any(
-            entry,
+            &entry,
             |_| (),
             |leaves| {
                 for prim in leaves.map(|leaf| corners.prim(leaf)) {
@@ -378,9 +380,8 @@ fn hit(
     }
     let triangle = corners.triangle(prim);
     let hit = tri.intersect(&triangle, t_max)?;
-    let n = winding_normal(&triangle);
-    ray.counts(hit.t, hit.d_dot_normal / n.length())
-        .then_some(hit)
+    let approach = || hit.d_dot_normal / winding_normal(&triangle).length();
+    ray.counts(hit.t, approach).then_some(hit)
 }
 
 /// An edge of the triangles that is not shared by two of opposite winding.
@@ -429,6 +430,11 @@ fn weights([a, b, c]: [DVec3; 3], p: DVec3) -> DVec2 {
 pub(super) fn winding_normal(corners: &Triangle) -> DVec3 {
     let [a, b, c] = corners.map(vec);
     (b - a).cross(c - a)
+}
+
+/// The largest coordinate of bounds.
+pub(super) fn extent((low, high): (DVec3, DVec3)) -> f64 {
+    low.abs().max(high.abs()).max_element()
 }
 
 pub(super) fn bounds(corners: &Triangle) -> (DVec3, DVec3) {

@@ -24,6 +24,7 @@ pub mod still;
 pub mod track;
 mod tree;
 mod tree_build;
+mod tree_walk;
 mod triangles;
 
 pub use accel::{Accel, AccelAt};

@@ -45,6 +45,13 @@ impl Ray {
         }
     }
 
+    /// Whether one of its ends lies on the instance.
+    #[inline(always)]
+    pub(super) fn ends_on(&self, id: InstanceId) -> bool {
+        let on = |s: Option<SurfaceId>| s.is_some_and(|s| s.instance == id);
+        on(self.start) || on(self.end)
+    }
+
     /// The segment of `length` that ends on the surface `end` (if any).
     #[must_use]
     pub fn ending(self, length: f64, end: Option<SurfaceId>) -> Self {
@@ -117,15 +124,20 @@ impl<'a> LocalRay<'a> {
     /// ray nears it by `approach` per unit of `t` (|d·n|). Faces nearer to an end of the ray than
     /// the rounding error of that end are its neighbors, and do not. Few rays come to ask, so that
     /// the error waits until then.
-    #[inline]
-    pub fn counts(&self, t: f64, approach: f64) -> bool {
+    #[inline(always)]
+    pub fn counts(&self, t: f64, approach: impl FnOnce() -> f64) -> bool {
+        let Ray { start, end, .. } = self.world;
+        self.reaches(t) && (start.is_none() && end.is_none() || self.is_apart(t, approach()))
+    }
+
+    /// Whether a face is farther from both ends of the ray than the rounding errors of these.
+    fn is_apart(&self, t: f64, approach: f64) -> bool {
         let Ray {
             o, d, start, end, ..
         } = *self.world;
         let error = |magnitude| transformed_error(self.to_object, magnitude, self.extent);
         let far = || (o + d * self.t_end).abs().max(o.abs());
-        self.reaches(t)
-            && (start.is_none() || t * approach >= error(o.abs()))
+        (start.is_none() || t * approach >= error(o.abs()))
             && (end.is_none() || (self.t_end - t) * approach >= error(far()))
     }
 }

@@ -116,16 +116,24 @@ impl Shape {
         }
     }
 
-    /// Closest hit of an analytic shape (meshes bring their own tree).
-    #[inline]
-    pub(super) fn analytic_hit(&self, ray: &LocalRay) -> Option<FaceHit> {
+    /// Closest hit of an analytic shape (meshes bring their own tree); `ray` is that in the space of
+    /// the shape, with the largest coordinate of the shape as its extent, and `is_end` tells whether
+    /// one of its ends lies on the shape.
+    #[inline(always)]
+    pub(super) fn analytic_hit<'a>(
+        &self,
+        is_end: bool,
+        ray: impl Fn(f64) -> LocalRay<'a>,
+    ) -> Option<FaceHit> {
         match self {
-            Self::Sphere => analytic::sphere(ray),
-            Self::Disk { inner } => analytic::disk(ray, *inner),
-            Self::Quad => analytic::quad(ray),
-            Self::Cylinder => analytic::cylinder(ray),
-            Self::Box => analytic::cube(ray),
-            Self::Lens(lens) => lens.hit(ray),
+            // a line meets a plane once
+            Self::Disk { .. } | Self::Quad if is_end => None,
+            Self::Sphere => analytic::sphere(&ray(1.0)),
+            Self::Disk { inner } => analytic::disk(&ray(1.0), *inner),
+            Self::Quad => analytic::quad(&ray(1.0)),
+            Self::Cylinder => analytic::cylinder(&ray(1.0)),
+            Self::Box => analytic::cube(&ray(1.0)),
+            Self::Lens(lens) => lens.hit(&ray(lens.extent())),
             Self::Mesh(_) | Self::Deforming(_) => None,
         }
     }

@@ -1,6 +1,6 @@
 //! Meshes at rest.
 
-use super::mesh::{Attributes, Corners, CornersAt, MeshError, TriangleMesh};
+use super::mesh::{self, Attributes, Corners, CornersAt, MeshError, TriangleMesh};
 use super::mesh::{bounds, check, vec, winding_normal};
 use super::tree::{self, Tree};
 use super::triangles::{Triangle, Triangles};
@@ -148,6 +148,7 @@ impl Mesh {
                 dropped,
             },
             attributes,
+            extent: mesh::extent(bounds),
             bounds,
         })
     }

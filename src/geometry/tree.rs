@@ -8,26 +8,27 @@
 //! Invariant: boxes only ever cull, and never what a ray touches. They live in a frame in which the
 //! tree fills -1..1; a ray is advanced in f64 to the bounds before it is rounded, so that planes
 //! are at most 2 and a little away. With u = 2^-24, the distance of a plane then errs by u (start
-//! of the ray) + 2u (corner of the node from it) + 2u (plane from it), the quotient by 2u (inverse
-//! direction) + 2u more, together 6e-7 at most, and boxes are padded by more.
+//! of the ray) + 2u (corner of the node from it) and, in units of the inverse direction, by 4u (that
+//! itself) + 2u (corner) + 2u (steps) + 2u (sum) more, together 8e-7 at most, and boxes are padded
+//! by more.
 
-use glam::{DVec3, Vec3, Vec3A, Vec4};
+use glam::{DVec3, Vec3, Vec3A};
 use prefetch_index::prefetch_index;
 use std::ops::Range;
+use wide::f32x8;
 
 /// Added to boxes in the frame of the tree, which has coordinates up to 1; the bounds take twice
 /// that.
 pub(super) const PADDING: f64 = 1e-6;
 /// Components of directions (of which the longest is 1) below 1 / this are as good as zero.
-const MOST: f64 = 1e12;
+const MOST: f32 = 1e12;
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
 /// Most boxes in a tree, and in one of its leaves.
 pub(super) const LIMIT: usize = 1 << 29;
 pub(super) const LEAF_LIMIT: usize = 4;
-/// Pending children of a tree over a few things, and those that need no allocation (a million
-/// triangles: at most 60).
-const STACKS: [usize; 2] = [16, 96];
+/// Nodes of a tree from which on memory is fetched early: fewer stay in the caches.
+const MANY: usize = 1 << 11;
 
 /// Eight boxes and what they hold: on each axis, steps of a power of two from a corner (Ylitie,
 /// Karras and Laine). Unused ones are inside out, and never hit.
@@ -47,26 +48,36 @@ pub(super) struct Node {
     planes: [[[u8; WIDTH]; 2]; 3],
 }
 
-/// The index of a node, or a run of boxes in the order of the tree.
+/// The index of a node, or a run of boxes in the order of the tree: [`Child::LEAF`], one less than
+/// their number (1..=4) << 29, and the first (< 2^29).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Child(u32);
 
 impl Child {
     const LEAF: u32 = 1 << 31;
+    /// The first node of a tree.
+    pub const ROOT: Self = Self(0);
 
+    /// A number that [`Child::of`] takes.
     #[inline(always)]
-    fn node(index: u32) -> Self {
-        Self(index)
-    }
-
-    /// `count` boxes (1..=4) from `first` (< 2^29).
-    #[inline(always)]
-    fn leaf(first: u32, count: u32) -> Self {
-        Self(Self::LEAF | (count - 1) << 29 | first)
+    pub fn number(self) -> u32 {
+        self.0
     }
 
     #[inline(always)]
-    fn prims(self) -> Option<Range<u32>> {
+    pub fn of(number: u32) -> Self {
+        Self(number)
+    }
+
+    /// The index of a node.
+    #[inline(always)]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+
+    /// The boxes of a leaf.
+    #[inline(always)]
+    pub fn prims(self) -> Option<Range<u32>> {
         let first = self.0 & (LIMIT as u32 - 1);
         (self.0 >= Self::LEAF).then(|| first..first + (self.0 >> 29 & 3) + 1)
     }
@@ -97,14 +108,14 @@ pub(super) struct Entry {
     /// Length in the frame per unit of `t`, along the longest axis.
     rate: f64,
     /// Nearest hit so far, as a length in the frame.
-    limit: f32,
+    pub limit: f32,
 }
 
 impl Entry {
     /// The length in the frame that belongs to `t`, rounded up far enough that nothing nearer is
     /// culled.
     #[inline(always)]
-    fn length(&self, t: f64) -> f32 {
+    pub fn length(&self, t: f64) -> f32 {
         ((t - self.t).max(0.0) * self.rate * (1.0 + 1e-6) + 2.0 * PADDING) as f32
     }
 }
@@ -118,31 +129,40 @@ impl Tree {
     /// The ray in the frame of the tree, from where it enters the bounds; `None` if it misses them,
     /// or if its numbers make no ray (not finite, too large for finite distances, or without
     /// direction).
-    #[inline]
+    #[inline(always)]
     pub fn enter(&self, o: DVec3, d: DVec3, t_max: f64) -> Option<Entry> {
         let o = (o - self.center) * self.inv_scale;
         let d = d * self.inv_scale;
-        let inv = 1.0 / d;
-        let (a, b) = ((-self.reach - o) * inv, (self.reach - o) * inv);
-        // 0 / 0 is no limit: min and max pass over it.
-        let (mut t0, mut t1) = (0.0f64, t_max);
-        for axis in 0..3 {
-            t0 = t0.max(a[axis].min(b[axis]));
-            t1 = t1.min(a[axis].max(b[axis]));
-        }
-        if t0 > t1 {
-            return None;
+        let mut t = 0.0;
+        if !o.abs().cmple(self.reach).all() {
+            let inv = 1.0 / d;
+            let (a, b) = ((-self.reach - o) * inv, (self.reach - o) * inv);
+            let (near, far) = (a.min(b), a.max(b));
+            let mut end = t_max;
+            for axis in 0..3 {
+                // 0 / 0 is no limit: comparisons pass over it
+                if near[axis] > t {
+                    t = near[axis];
+                }
+                if far[axis] < end {
+                    end = far[axis];
+                }
+            }
+            if t > end {
+                return None;
+            }
         }
         let rate = d.abs().max_element();
         // one sum tells all: infinite or not a number where any of them is
-        if !(rate > 0.0 && (o.dot(d) + t0).is_finite()) {
+        if !(rate >= f64::MIN_POSITIVE && (o.dot(d) + t).is_finite()) {
             return None;
         }
-        let inv_direction = (inv * rate).clamp(DVec3::splat(-MOST), DVec3::splat(MOST));
+        let inv_direction = Vec3A::ONE / (d * (1.0 / rate)).as_vec3a();
+        let inv_direction = inv_direction.clamp(Vec3A::splat(-MOST), Vec3A::splat(MOST));
         let mut entry = Entry {
-            t: t0,
-            origin: (o + d * t0).as_vec3(),
-            inv_direction: inv_direction.as_vec3(),
+            t,
+            origin: (o + d * t).as_vec3(),
+            inv_direction: inv_direction.into(),
             negative: inv_direction.to_array().map(|x| x < 0.0),
             rate,
             limit: f32::INFINITY,
@@ -151,110 +171,22 @@ impl Tree {
         Some(entry)
     }
 
-    /// Visits runs of boxes that may be hit, roughly from near to far; `hit` returns the parameter
-    /// of a new closest hit, `fetch` learns early where runs start.
-    #[inline]
-    pub fn closest(
-        &self,
-        entry: Entry,
-        fetch: impl Fn(u32),
-        mut hit: impl FnMut(Range<u32>) -> Option<f64>,
-    ) {
-        self.traverse(&entry, fetch, |prims| {
-            hit(prims).map_or(f32::INFINITY, |t| entry.length(t))
-        });
-    }
-
-    /// Whether `hit` holds for any run of boxes that may be hit.
-    #[inline]
-    pub fn any(
-        &self,
-        entry: Entry,
-        fetch: impl Fn(u32),
-        mut hit: impl FnMut(Range<u32>) -> bool,
-    ) -> bool {
-        let mut found = false;
-        self.traverse(&entry, fetch, |prims| {
-            found = hit(prims);
-            // Nothing is nearer than that: the search ends.
-            if found {
-                f32::NEG_INFINITY
-            } else {
-                f32::INFINITY
-            }
-        });
-        found
-    }
-
-    /// Visits runs of boxes; `leaf` returns the length beyond which nothing matters any more.
+    /// Whether memory is fetched early.
     #[inline(always)]
-    fn traverse(
-        &self,
-        entry: &Entry,
-        fetch: impl Fn(u32),
-        mut leaf: impl FnMut(Range<u32>) -> f32,
-    ) {
-        // What is still to be visited, nearest last: distance in the upper half (positive floats
-        // sort like their bits), child in the lower.
-        let (mut few, mut some, mut many);
-        let pending = if self.pending <= STACKS[0] {
-            few = [0u64; STACKS[0]];
-            few.as_mut_slice()
-        } else if self.pending <= STACKS[1] {
-            some = [0u64; STACKS[1]];
-            some.as_mut_slice()
-        } else {
-            many = vec![0u64; self.pending];
-            many.as_mut_slice()
-        };
-        let mut limit = entry.limit;
-        let mut len = 0;
-        let mut child = Child::node(0);
-        loop {
-            if let Some(prims) = child.prims() {
-                limit = limit.min(leaf(prims));
-            } else {
-                let node = &self.nodes[child.0 as usize];
-                let (mut hits, near) = node.hits(entry, limit);
-                let first = len;
-                while hits != 0 {
-                    let i = hits.trailing_zeros() as usize % WIDTH;
-                    hits &= hits - 1;
-                    let child = node.child(i);
-                    self.fetch(child, &fetch);
-                    let key = u64::from(near[i].to_bits()) << 32 | u64::from(child.0);
-                    let mut at = len;
-                    while at > first && pending[at - 1] < key {
-                        pending[at] = pending[at - 1];
-                        at -= 1;
-                    }
-                    pending[at] = key;
-                    len += 1;
-                }
-            }
-            child = loop {
-                if len == 0 {
-                    return;
-                }
-                len -= 1;
-                let next = pending[len];
-                if f32::from_bits((next >> 32) as u32) <= limit {
-                    break Child(next as u32);
-                }
-            };
-        }
+    pub(super) fn is_large(&self) -> bool {
+        self.nodes.len() >= MANY
     }
 
     /// Has the memory of a child fetched that will likely be visited, while nearer ones are: a walk
     /// through a large tree is a chain of cache misses.
     #[inline(always)]
-    fn fetch(&self, child: Child, leaf: impl Fn(u32)) {
+    pub(super) fn fetch(&self, child: Child, leaf: impl Fn(u32)) {
         match child.prims() {
             Some(prims) => leaf(prims.start),
             None => {
                 // Two lines of 64 bytes.
-                let node = &self.nodes[child.0 as usize];
-                prefetch_index(&self.nodes, child.0 as usize);
+                let node = &self.nodes[child.index()];
+                prefetch_index(&self.nodes, child.index());
                 prefetch_index(node.planes.as_slice(), 2);
             }
         }
@@ -318,40 +250,36 @@ impl Node {
         node
     }
 
+    /// What is in a slot: the bits of a byte that tell leaf and length are those of a [`Child`], 24
+    /// places lower.
     #[inline(always)]
-    fn child(&self, slot: usize) -> Child {
-        let child = u32::from(self.children[slot]);
-        if child < u32::from(Self::LEAF) {
-            Child::node(self.first_node + child)
+    pub(super) fn child(&self, slot: usize) -> Child {
+        let child = self.children[slot];
+        let first = if child & Self::LEAF == 0 {
+            self.first_node
         } else {
-            Child::leaf(self.first_prim + (child & 31), (child >> 5 & 3) + 1)
-        }
+            self.first_prim
+        };
+        Child((u32::from(child & !31) << 24) | (first + u32::from(child & 31)))
     }
 
     /// The boxes entered before `limit`, as bits, and where.
     #[inline(always)]
-    fn hits(&self, entry: &Entry, limit: f32) -> (u32, [f32; WIDTH]) {
-        let (o, inv) = (self.origin - entry.origin, entry.inv_direction);
-        let (mut hits, mut near) = (0, [0.0; WIDTH]);
-        for half in 0..2 {
-            let plane = |axis: usize, high: bool| {
-                let steps = &self.planes[axis][usize::from(high)][4 * half..][..4];
-                let steps = Vec4::from_array(std::array::from_fn(|i| f32::from(steps[i])));
-                let from_start =
-                    steps * Vec4::splat(step(self.exponents[axis])) + Vec4::splat(o[axis]);
-                from_start * Vec4::splat(inv[axis])
+    pub(super) fn hits(&self, entry: &Entry, limit: f32) -> (u32, f32x8) {
+        let (mut enter, mut leave) = (f32x8::ZERO, f32x8::splat(limit));
+        for axis in 0..3 {
+            let inv = entry.inv_direction[axis];
+            let per_step = f32x8::splat(step(self.exponents[axis]) * inv);
+            let corner = f32x8::splat((self.origin[axis] - entry.origin[axis]) * inv);
+            let plane = |high: bool| {
+                let steps = self.planes[axis][usize::from(high)].map(f32::from);
+                f32x8::from(steps) * per_step + corner
             };
-            let [x, y, z] = entry.negative;
-            let enter = plane(0, x)
-                .max(plane(1, y))
-                .max(plane(2, z).max(Vec4::ZERO));
-            let leave = plane(0, !x)
-                .min(plane(1, !y))
-                .min(plane(2, !z).min(Vec4::splat(limit)));
-            hits |= enter.cmple(leave).bitmask() << (4 * half);
-            near[4 * half..4 * half + 4].copy_from_slice(&enter.to_array());
+            let is_negative = entry.negative[axis];
+            enter = enter.fast_max(plane(is_negative));
+            leave = leave.fast_min(plane(!is_negative));
         }
-        (hits, near)
+        (enter.simd_le(leave).to_bitmask(), enter)
     }
 }
 
@@ -370,7 +298,7 @@ pub(super) fn pending(nodes: &[Node]) -> usize {
             count += 1;
             let child = node.child(slot);
             if child.prims().is_none() {
-                below = below.max(most[child.0 as usize]);
+                below = below.max(most[child.index()]);
             }
         }
         most[i] = count.max(count.saturating_sub(1) + below);
