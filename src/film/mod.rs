@@ -8,9 +8,11 @@ pub mod fixed;
 
 pub use filter::Filter;
 
-use fixed::{FixedSum, Unrepresentable};
+use fixed::Unrepresentable;
 use glam::DVec2;
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The part of the film that is rendered, in pixels: x0 <= x < x1, y0 <= y < y1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,9 +102,9 @@ const ERROR_WINDOW: u32 = 3;
 
 /// Sums of one image with `channels` channels (3 for XYZ), in two halves (even and odd passes).
 ///
-/// Threads add concurrently; each value is rounded to a 128-bit fixed-point integer, so any order
-/// gives the same bits. A contribution with a value that cannot be added is left out as a whole and
-/// counted.
+/// Threads add concurrently, row by row; each value is rounded to a 128-bit fixed-point integer, so
+/// any order gives the same bits. A contribution with a value that cannot be added is left out as a
+/// whole and counted.
 #[derive(Debug)]
 pub struct Film {
     crop: Crop,
@@ -110,8 +112,9 @@ pub struct Film {
     channels: usize,
     /// Value of 2⁶⁴ in the sums, a power of two.
     unit: f64,
-    /// By half, row, column, channel.
-    sums: Vec<FixedSum>,
+    /// By half and row; in each, sums by column and channel. A splat takes one lock per row, where
+    /// sums that are atomic each took one per channel.
+    rows: Vec<Mutex<Box<[i128]>>>,
     not_finite: AtomicU64,
     saturated: AtomicU64,
 }
@@ -120,13 +123,13 @@ impl Film {
     /// An empty film.
     #[must_use]
     pub fn new(crop: Crop, filter: Filter, channels: usize) -> Self {
-        let count = 2 * crop.pixels() as usize * channels;
+        let row = || Mutex::new(vec![0; crop.width() as usize * channels].into());
         Self {
             crop,
             filter,
             channels,
             unit: 1.0,
-            sums: (0..count).map(|_| FixedSum::default()).collect(),
+            rows: (0..2 * crop.height()).map(|_| row()).collect(),
             not_finite: AtomicU64::new(0),
             saturated: AtomicU64::new(0),
         }
@@ -171,7 +174,7 @@ impl Film {
     /// `half` (0 or 1). One value per channel.
     pub fn add_pixel(&self, x: u32, y: u32, half: usize, values: &[f64]) {
         if self.crop.contains(x, y) {
-            self.add_scaled(x, y, half, values, 1.0);
+            self.add_scaled(&mut self.row(half, y), x, values, 1.0);
         }
     }
 
@@ -182,19 +185,29 @@ impl Film {
             self.not_finite.fetch_add(1, Relaxed);
             return;
         }
-        for (x, y, weight) in self.reached_by(raster) {
-            self.add_scaled(x, y, half, values, weight);
+        let (columns, rows) = self.reached_by(raster);
+        for y in rows {
+            let mut row = None;
+            for x in columns.clone() {
+                let weight = self.weight(raster, x, y);
+                if weight > 0.0 {
+                    let row = row.get_or_insert_with(|| self.row(half, y));
+                    self.add_scaled(row, x, values, weight);
+                }
+            }
         }
     }
 
     /// How much of a splat lands on the film: 1 well inside, less at the border, 0 out of reach.
     #[must_use]
     pub fn coverage(&self, raster: DVec2) -> f64 {
-        self.reached_by(raster).map(|(_, _, weight)| weight).sum()
+        let (columns, rows) = self.reached_by(raster);
+        let pixels = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
+        pixels.map(|(x, y)| self.weight(raster, x, y)).sum()
     }
 
-    /// The pixels in the filter's reach of a finite raster position, with the filter's value there.
-    fn reached_by(&self, raster: DVec2) -> impl Iterator<Item = (u32, u32, f64)> + '_ {
+    /// The columns and rows in the filter's reach of a finite raster position.
+    fn reached_by(&self, raster: DVec2) -> (Range<u32>, Range<u32>) {
         // pixels whose offset is in [-radius, radius): exactly one for the box
         let reach = |raster: f64, first: u32, end: u32| {
             let low = (raster - 0.5 - self.filter.radius()).floor() + 1.0;
@@ -202,22 +215,31 @@ impl Film {
             // saturating casts: far positions give an empty range
             (low.max(0.0) as u32).max(first)..(high.max(0.0) as u32).min(end)
         };
-        let columns = reach(raster.x, self.crop.x0, self.crop.x1);
-        reach(raster.y, self.crop.y0, self.crop.y1)
-            .flat_map(move |y| columns.clone().map(move |x| (x, y)))
-            .map(move |(x, y)| {
-                let center = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
-                (x, y, self.filter.eval(raster - center))
-            })
-            .filter(|pixel| pixel.2 > 0.0)
+        (
+            reach(raster.x, self.crop.x0, self.crop.x1),
+            reach(raster.y, self.crop.y0, self.crop.y1),
+        )
     }
 
-    fn add_scaled(&self, x: u32, y: u32, half: usize, values: &[f64], scale: f64) {
-        debug_assert!(values.len() == self.channels && half < 2);
+    /// The filter of a pixel at a raster position.
+    fn weight(&self, raster: DVec2, x: u32, y: u32) -> f64 {
+        let center = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
+        self.filter.eval(raster - center)
+    }
+
+    /// The sums of a row of a half, for this thread alone.
+    fn row(&self, half: usize, y: u32) -> MutexGuard<'_, Box<[i128]>> {
+        debug_assert!(half < 2);
+        let index = half * self.crop.height() as usize + (y - self.crop.y0) as usize;
+        lock(&self.rows[index])
+    }
+
+    fn add_scaled(&self, row: &mut [i128], x: u32, values: &[f64], scale: f64) {
+        debug_assert!(values.len() == self.channels);
         let scale = scale / self.unit;
         for &value in values {
-            match fixed::quantize(value * scale) {
-                Ok(_) => {}
+            match fixed::check(value * scale) {
+                Ok(()) => {}
                 Err(Unrepresentable::NotFinite) => {
                     self.not_finite.fetch_add(1, Relaxed);
                     return;
@@ -228,19 +250,23 @@ impl Film {
                 }
             }
         }
-        let pixel = half * self.crop.pixels() as usize + self.crop.index(x, y);
-        for (sum, &value) in self.sums[pixel * self.channels..].iter().zip(values) {
-            if let Ok(value) = fixed::quantize(value * scale)
-                && !sum.add(value)
-            {
-                self.saturated.fetch_add(1, Relaxed);
+        let first = (x - self.crop.x0) as usize * self.channels;
+        for (sum, &value) in row[first..].iter_mut().zip(values) {
+            match fixed::quantize(value * scale).map(|value| sum.checked_add(value)) {
+                Ok(Some(total)) => *sum = total,
+                _ => {
+                    self.saturated.fetch_add(1, Relaxed);
+                }
             }
         }
     }
 
-    fn half_sums(&self, half: usize) -> &[FixedSum] {
-        let length = self.sums.len() / 2;
-        &self.sums[half * length..(half + 1) * length]
+    /// The sums of one half, row by row.
+    fn half_sums(&self, half: usize) -> impl Iterator<Item = i128> {
+        let height = self.crop.height() as usize;
+        let rows = &self.rows[half * height..(half + 1) * height];
+        // a row at a time, so that threads that add wait for no longer
+        rows.iter().flat_map(|row| lock(row).clone())
     }
 
     /// Sum of both halves / number of passes, per pixel and channel, row by row. Black without
@@ -249,9 +275,8 @@ impl Film {
     pub fn image(&self, passes: u64) -> Vec<f64> {
         let scale = mean_scale(passes) * self.unit;
         self.half_sums(0)
-            .iter()
             .zip(self.half_sums(1))
-            .map(|(even, odd)| (fixed::to_f64(even.get()) + fixed::to_f64(odd.get())) * scale)
+            .map(|(even, odd)| (fixed::to_f64(even) + fixed::to_f64(odd)) * scale)
             .collect()
     }
 
@@ -259,11 +284,16 @@ impl Film {
     /// crop.
     #[must_use]
     pub fn pixel(&self, x: u32, y: u32, passes: u64) -> Option<Vec<f64>> {
-        let first = self.crop.contains(x, y).then(|| self.crop.index(x, y))? * self.channels;
-        let scale = mean_scale(passes) * self.unit;
-        let sum = |half: usize, i: usize| fixed::to_f64(self.half_sums(half)[i].get());
+        if !self.crop.contains(x, y) {
+            return None;
+        }
+        let first = (x - self.crop.x0) as usize * self.channels;
         let channels = first..first + self.channels;
-        Some(channels.map(|i| (sum(0, i) + sum(1, i)) * scale).collect())
+        let scale = mean_scale(passes) * self.unit;
+        let sums = |half| self.row(half, y)[channels.clone()].to_vec();
+        let sums = sums(0).into_iter().zip(sums(1));
+        let mean = |(even, odd)| (fixed::to_f64(even) + fixed::to_f64(odd)) * scale;
+        Some(sums.map(mean).collect())
     }
 
     /// Image of the even passes minus that of the odd ones, one channel per pixel, row by row.
@@ -280,10 +310,9 @@ impl Film {
         }
         let values = |half| {
             self.half_sums(half)
-                .iter()
                 .skip(channel)
                 .step_by(self.channels)
-                .map(|sum| fixed::to_f64(sum.get()))
+                .map(fixed::to_f64)
         };
         let [even, odd] = [passes_even, passes_odd].map(|n| mean_scale(n) * self.unit);
         let pairs = values(0).zip(values(1));
@@ -338,13 +367,13 @@ impl Film {
     /// The exact sums in units of 2^(exponent − 64), by half, row, column and channel.
     #[must_use]
     pub fn sums(&self) -> Vec<i128> {
-        self.sums.iter().map(FixedSum::get).collect()
+        self.half_sums(0).chain(self.half_sums(1)).collect()
     }
 
     /// Those of one half (0 or 1).
     #[must_use]
     pub fn sums_of_half(&self, half: usize) -> Vec<i128> {
-        self.half_sums(half).iter().map(FixedSum::get).collect()
+        self.half_sums(half).collect()
     }
 
     /// Adds the sums of another film of the same size.
@@ -352,7 +381,7 @@ impl Film {
     /// # Errors
     /// Where the number of sums differs or one would overflow; the film is then unchanged.
     pub fn add_sums(&mut self, sums: &[i128]) -> Result<(), AddSumsError> {
-        add_all(&mut self.sums, sums)
+        add_all(&mut self.rows, sums)
     }
 
     /// Adds the sums of one half (0 or 1) of another film of the same size.
@@ -360,44 +389,50 @@ impl Film {
     /// # Errors
     /// As [`Film::add_sums`].
     pub fn add_sums_to_half(&mut self, half: usize, sums: &[i128]) -> Result<(), AddSumsError> {
-        let length = self.sums.len() / 2;
-        add_all(&mut self.sums[half * length..(half + 1) * length], sums)
+        let height = self.rows.len() / 2;
+        add_all(&mut self.rows[half * height..(half + 1) * height], sums)
     }
 
     /// Moves the sums and counts of another film of the same size into this one and leaves it
     /// empty. A sum that would overflow stays as it was and counts as saturated.
     pub fn take(&mut self, other: &mut Self) {
-        debug_assert!(self.sums.len() == other.sums.len());
-        for (sum, more) in self.sums.iter_mut().zip(&mut other.sums) {
-            let value = more.get();
-            if value == 0 {
-                continue;
-            }
-            match sum.get().checked_add(value) {
-                Some(total) => sum.set(total),
+        debug_assert!(self.rows.len() == other.rows.len());
+        let theirs = other.rows.iter_mut().flat_map(exclusive);
+        let ours = self.rows.iter_mut().flat_map(exclusive);
+        for (sum, more) in ours.zip(theirs) {
+            match sum.checked_add(std::mem::take(more)) {
+                Some(total) => *sum = total,
                 None => *self.saturated.get_mut() += 1,
             }
-            more.set(0);
         }
         *self.not_finite.get_mut() += std::mem::take(other.not_finite.get_mut());
         *self.saturated.get_mut() += std::mem::take(other.saturated.get_mut());
     }
 }
 
-fn add_all(ours: &mut [FixedSum], more: &[i128]) -> Result<(), AddSumsError> {
-    if ours.len() != more.len() {
-        return Err(AddSumsError::Length {
-            expected: ours.len(),
-            found: more.len(),
-        });
+/// The sums of a row. No thread stops between two sums of one pixel but for a defect that ends the
+/// render.
+fn lock(row: &Mutex<Box<[i128]>>) -> MutexGuard<'_, Box<[i128]>> {
+    row.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn exclusive(row: &mut Mutex<Box<[i128]>>) -> &mut [i128] {
+    row.get_mut().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn add_all(rows: &mut [Mutex<Box<[i128]>>], more: &[i128]) -> Result<(), AddSumsError> {
+    let expected = rows.iter_mut().map(|row| exclusive(row).len()).sum();
+    if expected != more.len() {
+        let found = more.len();
+        return Err(AddSumsError::Length { expected, found });
     }
-    let is_in_range = |(sum, &more): (&FixedSum, &i128)| sum.get().checked_add(more).is_some();
-    if let Some(index) = ours.iter().zip(more).position(|pair| !is_in_range(pair)) {
+    let ours = rows.iter_mut().flat_map(exclusive);
+    let is_in_range = |(sum, &more): (&mut i128, &i128)| sum.checked_add(more).is_some();
+    if let Some(index) = ours.zip(more).position(|pair| !is_in_range(pair)) {
         return Err(AddSumsError::Overflow { index });
     }
-    for (sum, more) in ours.iter_mut().zip(more) {
-        sum.set(sum.get() + more);
-    }
+    let ours = rows.iter_mut().flat_map(exclusive);
+    ours.zip(more).for_each(|(sum, more)| *sum += more);
     Ok(())
 }
 

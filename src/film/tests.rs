@@ -170,3 +170,16 @@ fn sums_of_other_films_are_refused() {
     assert_eq!(error, AddSumsError::Overflow { index: 1 });
     assert_eq!(film.sums(), before);
 }
+
+#[test]
+fn sums_that_would_overflow_stay_as_they_are() {
+    let mut film = Film::new(CROP, Filter::Box, 1);
+    let mut sums = film.sums();
+    sums[0] = i128::MAX - 1;
+    film.add_sums(&sums).unwrap();
+    film.add_pixel(CROP.x0, CROP.y0, 0, &[1.0]);
+    assert_eq!(film.sums(), sums);
+    assert_eq!(film.rejected().saturated, 1);
+    let overflow = AddSumsError::Overflow { index: 0 };
+    assert_eq!(film.add_sums(&sums), Err(overflow));
+}

@@ -1,7 +1,6 @@
 //! Memory that a render needs: films, meshes, images.
 
 use super::OutputRequest;
-use crate::film::fixed::FixedSum;
 use crate::geometry::contact::Region;
 use crate::geometry::{Contact, Instance, Shape};
 use crate::light::Light;
@@ -21,7 +20,7 @@ pub fn film_bytes(pixels: u64, request: &OutputRequest) -> u64 {
     let channels = (3 * (1 + request.classes.len() + shares) + spectral) as u64;
     pixels
         .saturating_mul(channels)
-        .saturating_mul(2 * size_of::<FixedSum>() as u64)
+        .saturating_mul(2 * size_of::<i128>() as u64)
 }
 
 /// Bytes per pixel of what an image and its preview are made of while they are written: XYZ in
@@ -37,7 +36,7 @@ const PART_HALVES: u64 = 3;
 #[must_use]
 pub fn saving_bytes(pixels: u64, layer_channels: u64, with_part: bool) -> u64 {
     let image = IMAGE_BYTES + LAYER_BYTES * layer_channels;
-    let part = 3 * PART_HALVES * size_of::<FixedSum>() as u64;
+    let part = 3 * PART_HALVES * size_of::<i128>() as u64;
     pixels.saturating_mul(image.max(if with_part { part } else { 0 }))
 }
 
