@@ -5,7 +5,7 @@ use crate::develop::Development;
 use crate::io::exr::{self, ExrImage};
 use crate::io::png::{developed_bytes, png_bytes};
 use crate::report::ReportError;
-use crate::report::html::{escape, png_url};
+use crate::report::html::png_url;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -17,11 +17,33 @@ const GRAY: f64 = 0.2;
 /// Stops, at most, by which a row is brightened.
 const MOST_STOPS: f64 = 16.0;
 
+/// How a strategy makes its paths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    /// By an edge between two sub-paths, or a sub-path alone.
+    Joined,
+    /// By merging: one vertex counts for both sides.
+    Merged,
+    /// By a chain of specular vertices that is solved for, which s and t do not count.
+    Aimed,
+}
+
+impl Kind {
+    /// End of the names of its layers.
+    fn mark(self) -> &'static str {
+        match self {
+            Self::Joined => "",
+            Self::Merged => "merged",
+            Self::Aimed => "aimed",
+        }
+    }
+}
+
 /// One strategy's image.
 struct Layer {
     s: u32,
     t: u32,
-    merged: bool,
+    kind: Kind,
     xyz: Vec<f64>,
 }
 
@@ -33,12 +55,14 @@ impl Layer {
     }
 }
 
-/// (s, t, whether it is a merge) of a channel such as `s2t1merged.Y`.
-fn strategy(channel: &str) -> Option<(u32, u32, bool)> {
+/// s, t and kind of a channel such as `s2t1merged.Y`.
+fn strategy(channel: &str) -> Option<(u32, u32, Kind)> {
     let name = channel.strip_suffix(".Y")?.strip_prefix('s')?;
-    let plain = name.strip_suffix("merged").unwrap_or(name);
+    let marked = [Kind::Merged, Kind::Aimed].into_iter();
+    let mut marked = marked.filter_map(|kind| Some((name.strip_suffix(kind.mark())?, kind)));
+    let (plain, kind) = marked.next().unwrap_or((name, Kind::Joined));
     let (s, t) = plain.split_once('t')?;
-    Some((s.parse().ok()?, t.parse().ok()?, plain.len() < name.len()))
+    Some((s.parse().ok()?, t.parse().ok()?, kind))
 }
 
 /// The interleaved XYZ values of a layer.
@@ -53,11 +77,12 @@ fn layer_xyz(image: &ExrImage, layer: &str) -> Option<Vec<f64>> {
     Some(xyz)
 }
 
-/// The strategies of an image by the number of vertices of their paths. Black ones are left out.
-fn rows(image: &ExrImage) -> BTreeMap<u32, Vec<Layer>> {
-    let mut rows: BTreeMap<u32, Vec<Layer>> = BTreeMap::new();
+/// The strategies of an image by the number of vertices of their paths, those of solved chains, of
+/// any length, last. Black ones are left out.
+fn rows(image: &ExrImage) -> BTreeMap<(bool, u32), Vec<Layer>> {
+    let mut rows: BTreeMap<(bool, u32), Vec<Layer>> = BTreeMap::new();
     for channel in &image.channels {
-        let Some((s, t, merged)) = strategy(&channel.name) else {
+        let Some((s, t, kind)) = strategy(&channel.name) else {
             continue;
         };
         let name = channel.name.trim_end_matches(".Y");
@@ -65,14 +90,15 @@ fn rows(image: &ExrImage) -> BTreeMap<u32, Vec<Layer>> {
             continue;
         };
         // a merge joins two walks at one place: its path has a vertex less than they have
-        let vertices = s + t - u32::from(merged);
-        let layer = Layer { s, t, merged, xyz };
+        let vertices = s + t - u32::from(kind == Kind::Merged);
+        let layer = Layer { s, t, kind, xyz };
         if vertices <= MOST_VERTICES && layer.mean() > 0.0 {
-            rows.entry(vertices).or_default().push(layer);
+            let row = (kind == Kind::Aimed, vertices);
+            rows.entry(row).or_default().push(layer);
         }
     }
     for row in rows.values_mut() {
-        row.sort_by_key(|l| (l.merged, l.s));
+        row.sort_by_key(|l| (l.kind, l.s));
     }
     rows
 }
@@ -99,21 +125,25 @@ pub fn section(path: &Path) -> Result<String, ReportError> {
         );
     }
     html += r#"<div class="scroll" id="pyramid">"#;
-    for (vertices, row) in rows(&image) {
+    for ((is_aimed, vertices), row) in rows(&image) {
         let brightest = row.iter().map(Layer::mean).fold(0.0, f64::max);
         let stops = (GRAY / brightest)
             .log2()
             .round()
             .clamp(-MOST_STOPS, MOST_STOPS);
+        let chains = if is_aimed { " and a solved chain" } else { "" };
         _ = write!(
             html,
-            r#"<h3>{vertices} vertices, {stops:+} EV</h3><div class="row">"#
+            r#"<h3>{vertices} vertices{chains}, {stops:+} EV</h3><div class="row">"#
         );
         for layer in &row {
             let png =
                 developed_bytes(size, &layer.xyz, &Development::linear(stops)).map_err(bad)?;
-            let mark = if layer.merged { ", merged" } else { "" };
-            let name = escape(&format!("s {}, t {}{mark}", layer.s, layer.t));
+            let mut name = format!("s {}, t {}", layer.s, layer.t);
+            if layer.kind != Kind::Joined {
+                name += ", ";
+                name += layer.kind.mark();
+            }
             _ = write!(
                 html,
                 r#"<figure><img alt="{name}" src="{}"><figcaption>{name}</figcaption></figure>"#,
@@ -147,8 +177,9 @@ mod tests {
 
     #[test]
     fn strategies_are_read_from_names() {
-        assert_eq!(strategy("s2t1.Y"), Some((2, 1, false)));
-        assert_eq!(strategy("s12t3merged.Y"), Some((12, 3, true)));
+        assert_eq!(strategy("s2t1.Y"), Some((2, 1, Kind::Joined)));
+        assert_eq!(strategy("s12t3merged.Y"), Some((12, 3, Kind::Merged)));
+        assert_eq!(strategy("s1t2aimed.Y"), Some((1, 2, Kind::Aimed)));
         for other in ["s2t1.X", "Y", "noise.Y", "st1.Y", "regularized.Y"] {
             assert_eq!(strategy(other), None, "{other}");
         }
