@@ -264,7 +264,7 @@ emission = 5
 "#
         ),
         batches: 16,
-        passes: [300, 300, 120],
+        passes: [150, 300, 120],
         classes: &["LDE", "LDDE"],
         specular_in_view: false,
         resolution: 1.5e-3,
@@ -293,7 +293,7 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [270, 60, 108],
+        passes: [140, 40, 56],
         classes: &["LDE", "LDDE", "LDSSE"],
         specular_in_view: true,
         resolution: 2.5e-3,
@@ -317,7 +317,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [300, 300, 100],
+        passes: [200, 200, 67],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2e-3,
@@ -417,7 +417,7 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [320, 0, 88],
+        passes: [160, 0, 44],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2.5e-3,

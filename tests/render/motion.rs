@@ -189,7 +189,7 @@ motion = [{ about = [0, 1.2, 0.9], keys = [{ time = 0, rotate = { axis = [0, 1, 
 "#
         ),
         batches: 16,
-        passes: [480, 400, 192],
+        passes: [290, 240, 115],
         classes: &["LDE", "LDDE"],
         specular_in_view: false,
         resolution: 2.5e-3,

@@ -92,7 +92,7 @@ fn what_passes_a_coating_is_the_same_both_ways() {
             )
             .replace("LAMP", &format!("center = [0, {sign}, 0], u = {u}, v = {v}"));
         let (scene, settings) = scene(&text);
-        for (kind, passes) in [(Path, 40), (Bdpt, 40)] {
+        for (kind, passes) in [(Path, 10), (Bdpt, 10)] {
             let measured = line_mean(&scene, 0, &with(&settings, kind), 32, passes * test_scale());
             measured.assert_is(&format!("from air {from_air} by {kind:?}"), expected, 2e-2);
         }
