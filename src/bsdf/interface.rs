@@ -88,8 +88,19 @@ impl<'a> Interface<'a> {
         if self.coating.is_none() {
             return self.mean_reflectance(cos, above);
         }
-        let responses = (0..self.count).map(|k| self.response(k, cos, above));
-        let [r, t] = responses.fold([0.0; 2], |sum, [r, t]| [sum[0] + r, sum[1] + t]);
+        self.reflected_share(&self.responses(cos, above))
+    }
+
+    /// Reflectance and transmittance in each lane in use, 0 in the others.
+    pub(super) fn responses(&self, cos: f64, above: bool) -> [[f64; 2]; MAX_LANES] {
+        let lane = |k| self.response(k, cos, above);
+        std::array::from_fn(|k| if k < self.count { lane(k) } else { [0.0; 2] })
+    }
+
+    /// Share of what is reflected in what is not absorbed, over all lanes.
+    pub(super) fn reflected_share(&self, responses: &[[f64; 2]; MAX_LANES]) -> f64 {
+        let lanes = responses[..self.count].iter();
+        let [r, t] = lanes.fold([0.0; 2], |sum, [r, t]| [sum[0] + r, sum[1] + t]);
         if t > 0.0 { r / (r + t) } else { 1.0 }
     }
 

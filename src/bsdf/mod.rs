@@ -19,6 +19,7 @@ pub use lobe::Lobe;
 
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use glam::DVec3;
+use lobe::dielectric::Dielectric;
 
 /// Kind of scattering at an interior vertex of a path. A path is a list of vertices *and* labels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -227,6 +228,11 @@ impl Bsdf<'_> {
         let (lobe, rest) = self.choose_lobe(u[0])?;
         let above = given.z > 0.0;
         let cos = given.z.abs();
+        if let ([(weight, Lobe::Dielectric(lobe))], true) =
+            (self.lobes, self.interface.coating.is_some())
+        {
+            return self.sample_coated(lobe, *weight, given, rest);
+        }
         if lobe.is_specular() {
             let q = lobe.label_probability(Label::SpecularReflect, cos, above, &self.interface);
             let label = if rest < q {
@@ -266,10 +272,41 @@ impl Bsdf<'_> {
         chosen
     }
 
-    fn sample_specular(&self, lobe: &Lobe, label: Label, given: DVec3) -> Option<BsdfSample> {
-        let above = given.z > 0.0;
+    /// A direction of a coated interface that is alone: its layers are asked once for choice,
+    /// density and weight.
+    fn sample_coated(
+        &self,
+        lobe: &Dielectric,
+        weight: f32,
+        given: DVec3,
+        u: f64,
+    ) -> Option<BsdfSample> {
+        let responses = self.interface.responses(given.z.abs(), given.z > 0.0);
+        let reflected = self.interface.reflected_share(&responses);
+        let (label, pdf, tint) = if u < reflected {
+            (Label::SpecularReflect, reflected, lobe.reflect_tint)
+        } else {
+            (Label::SpecularTransmit, 1.0 - reflected, lobe.transmit_tint)
+        };
         let transmits = label == Label::SpecularTransmit;
-        let refracts = transmits && matches!(lobe, Lobe::Dielectric(_));
+        let w = self.specular_direction(given, transmits, transmits)?;
+        let shares = self
+            .interface
+            .lanes(|k| responses[k][usize::from(transmits)]);
+        Some(BsdfSample {
+            w,
+            label,
+            weight: shares * tint * weight * (1.0 / pdf) as f32,
+            pdf,
+            pdf_reverse: self.label_probability(label, w),
+            dispersive: transmits && self.interface.dispersive,
+            columns: None,
+        })
+    }
+
+    /// The other direction of a specular label. `None` at total reflection, and along the surface.
+    fn specular_direction(&self, given: DVec3, transmits: bool, refracts: bool) -> Option<DVec3> {
+        let above = given.z > 0.0;
         let w = if refracts {
             let (near, far) = self.interface.sides(above);
             let normal = if above { DVec3::Z } else { -DVec3::Z };
@@ -279,9 +316,14 @@ impl Bsdf<'_> {
         } else {
             DVec3::new(-given.x, -given.y, given.z)
         };
-        if w.z == 0.0 {
-            return None;
-        }
+        (w.z != 0.0).then_some(w)
+    }
+
+    fn sample_specular(&self, lobe: &Lobe, label: Label, given: DVec3) -> Option<BsdfSample> {
+        let above = given.z > 0.0;
+        let transmits = label == Label::SpecularTransmit;
+        let refracts = transmits && matches!(lobe, Lobe::Dielectric(_));
+        let w = self.specular_direction(given, transmits, refracts)?;
         let pdf = self.label_probability(label, given);
         Some(BsdfSample {
             w,
