@@ -9,13 +9,15 @@
 //! 16.1.
 
 pub mod detector;
+pub mod far_field;
 pub mod orthographic;
 pub mod perspective;
 
 use crate::geometry::{
     DirectionalDensity, EndPoint, Link, Moment, Shutter, SurfacePoint, Transform,
 };
-use detector::{Aim, Detector};
+use detector::{Detector, Toward};
+use far_field::FarField;
 use glam::{DAffine3, DVec2, DVec3};
 use orthographic::Orthographic;
 use perspective::{Perspective, ThinLens};
@@ -188,19 +190,53 @@ impl Camera {
             resolution,
             kind: CameraKind::Detector(Detector {
                 transparent,
-                aim: None,
-                instance: None,
+                ..Detector::default()
             }),
         }
     }
 
-    /// The same detector with most of its camera sub-paths toward a disk at rest; any other camera
-    /// as it is.
+    /// The same detector with most of its camera sub-paths toward a disk at rest, or the exit pupil
+    /// of a lens; any other camera as it is.
     #[must_use]
-    pub fn aimed(mut self, aim: Aim) -> Self {
+    pub fn aimed(mut self, aim: Toward) -> Self {
         if let CameraKind::Detector(detector) = &mut self.kind {
             detector.aim = Some(aim);
         }
+        self
+    }
+
+    /// The same detector with columns against u, as seen from behind; any other camera as it is.
+    #[must_use]
+    pub fn flipped(mut self) -> Self {
+        if let CameraKind::Detector(detector) = &mut self.kind {
+            detector.flipped = true;
+        }
+        self
+    }
+
+    /// The same detector, whose film is over directions; any other camera as it is.
+    #[must_use]
+    pub fn by_direction(mut self, field: FarField) -> Self {
+        if let CameraKind::Detector(detector) = &mut self.kind {
+            detector.far_field = Some(field);
+        }
+        self
+    }
+
+    /// The same detector, which measures light within this angle, (0, π/2) radians, of its normal
+    /// alone; any other camera as it is.
+    #[must_use]
+    pub fn accepting(mut self, half_angle_rad: f64) -> Self {
+        if let CameraKind::Detector(detector) = &mut self.kind {
+            detector.acceptance_rad = Some(half_angle_rad);
+        }
+        self
+    }
+
+    /// The same camera elsewhere.
+    #[must_use]
+    pub fn at(mut self, transform: Transform) -> Self {
+        self.transform = transform;
         self
     }
 
@@ -247,6 +283,12 @@ impl Camera {
             CameraKind::Detector(detector) => Some(detector),
             _ => None,
         }
+    }
+
+    /// The directions that its film shows; `None` where it is over places.
+    #[must_use]
+    pub fn far_field(&self) -> Option<&FarField> {
+        self.as_detector()?.far_field.as_ref()
     }
 
     /// Area of a detector in m²; `None` for cameras.
@@ -298,7 +340,9 @@ impl Camera {
             CameraKind::Orthographic(camera) => {
                 camera.sample_connection(place, resolution, x, margin)
             }
-            CameraKind::Detector(camera) => camera.sample_connection(place, resolution, x, u_lens),
+            CameraKind::Detector(camera) => {
+                camera.sample_connection(place, resolution, x, u_lens, margin)
+            }
         }
     }
 

@@ -6,6 +6,7 @@ use crate::io::atomic::write_atomic;
 use crate::io::exr::{self, ExrImage};
 use crate::io::image::development;
 use crate::io::png::{Depth, picture_bytes};
+use std::ffi::OsStr;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -51,6 +52,19 @@ pub fn write_image(
         .map_err(|e| CliError::file(preview, e.to_string()))?;
     write_atomic(preview, |file| file.write_all(&png))?;
     Ok(Some(preview_text(preview, picture.stops, picture.clipped)))
+}
+
+/// Name of the image of one sensor of several: that of the image, with the sensor before the
+/// ending.
+#[must_use]
+pub fn of_sensor(image: &Path, sensor: &str) -> PathBuf {
+    let mut name = image.file_stem().unwrap_or_default().to_owned();
+    let extension = image.extension().unwrap_or("exr".as_ref());
+    for suffix in [sensor.as_ref(), extension] {
+        name.push(".");
+        name.push::<&OsStr>(suffix);
+    }
+    image.with_file_name(name)
 }
 
 /// Refuses a name that promises another format than OpenEXR.

@@ -4,6 +4,7 @@ use super::args::InfoOptions;
 use super::memory::guarded;
 use super::usage::bytes_text;
 use super::{CliError, Outcome, glass, print, summary, tell};
+use crate::camera::detector::Toward;
 use crate::geometry::{Shape, Shutter};
 use crate::integrator::aims;
 use crate::io::loaded::{Loaded, load};
@@ -12,12 +13,12 @@ use crate::render::memory::{
     film_bytes, geometry_bytes, object_bytes, saving_bytes, texture_bytes,
 };
 use crate::report::readable::counted;
-use crate::scene::Scene;
 use crate::scene::chains::ChainLink;
 use crate::scene::effects::Effect;
 use crate::scene::moving::Moving;
 use crate::scene::regularization::decide;
 use crate::scene::settings::Aiming;
+use crate::scene::{Scene, Sensor};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -144,6 +145,15 @@ fn shutter_text(Shutter { open_s, close_s }: Shutter) -> String {
     }
 }
 
+/// Shares of the camera sub-paths of a film toward the exit pupil of its lens that come through the
+/// lens: in its middle and in its corners.
+fn passing_shares(sensor: &Sensor) -> Option<[f64; 2]> {
+    match &sensor.camera.as_detector()?.aim {
+        Some(Toward::Pupil(pupil)) => Some(pupil.passing_shares()),
+        _ => None,
+    }
+}
+
 fn to_text(loaded: &Loaded) -> String {
     let scene = &loaded.scene;
     let mut text = String::from("sensors\n");
@@ -158,6 +168,16 @@ fn to_text(loaded: &Loaded) -> String {
             size.height,
             shutter_text(sensor.shutter)
         );
+        if let Some([middle, corners]) = passing_shares(sensor) {
+            _ = writeln!(
+                text,
+                "  {:<13} {:.0} % of the camera sub-paths toward its exit pupil come through the \
+                 lens in the middle, {:.0} % in the corners",
+                "",
+                100.0 * middle,
+                100.0 * corners
+            );
+        }
     }
     text += "objects\n";
     for (kind, count) in shapes(loaded) {
@@ -279,6 +299,7 @@ fn to_json(loaded: &Loaded) -> Value {
             "width": size.width,
             "height": size.height,
             "shutter_s": [sensor.shutter.open_s, sensor.shutter.close_s],
+            "pupil_passing": passing_shares(sensor),
         })
     });
     let lights = scene.lights.iter().zip(&scene.light_names).map(|(light, name)| {

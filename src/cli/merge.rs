@@ -1,25 +1,19 @@
-//! `abbe merge`: the image of disjoint passes, from their exact sums.
+//! `abbe merge`: the images of disjoint passes, from their exact sums.
 
 use super::args::MergeOptions;
-use super::image_output::{check_ending, preview_path, write_image};
+use super::image_output::{check_ending, of_sensor, preview_path, write_image};
 use super::{CliError, Outcome, print, tell};
 use crate::io::destination::Claims;
 use crate::io::image;
 use crate::io::part::{self, Part, PartError};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Runs the command.
 pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
-    let preview = (!options.no_preview).then(|| preview_path(&options.output));
     check_ending(&options.output)?;
     let mut claims = Claims::of_inputs(&options.parts);
-    let outputs = [
-        Some(&options.output),
-        preview.as_ref(),
-        options.part.as_ref(),
-    ];
-    for path in outputs.into_iter().flatten() {
-        claims.output(path)?;
+    if let Some(part) = &options.part {
+        claims.output(part)?;
     }
     let merged = part::merge_each(options.parts.iter().map(|path| whole_passes(path)))?;
     if merged.header.pass_count() == 0 {
@@ -33,25 +27,41 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
             merged.header.channels
         )));
     }
-    let image = image::of_part(&merged)?;
-    let preview = write_image(
-        &options.output,
-        &image,
-        preview.as_deref(),
-        options.exposure,
-    )?;
+    let films = merged.header.each();
+    let targets: Vec<(PathBuf, Option<PathBuf>)> = films
+        .iter()
+        .map(|film| {
+            let image = match films.len() {
+                1 => options.output.clone(),
+                _ => of_sensor(&options.output, &film.sensor),
+            };
+            let preview = (!options.no_preview).then(|| preview_path(&image));
+            (image, preview)
+        })
+        .collect();
+    for path in targets
+        .iter()
+        .flat_map(|(image, preview)| [Some(image), preview.as_ref()])
+    {
+        path.map_or(Ok(()), |path| claims.output(path))?;
+    }
     let passes = merged.header.pass_count();
     if let Some(path) = &options.part {
         part::write(path, &merged)?;
     }
-    if !options.quiet {
-        let parts = options.parts.len();
-        let [part, pass] = [
-            (parts, "part", "parts"),
-            (passes as usize, "pass", "passes"),
-        ]
-        .map(|(n, one, several)| format!("{n} {}", if n == 1 { one } else { several }));
-        print(&format!("{}: {part}, {pass}\n", options.output.display()))?;
+    let parts = options.parts.len();
+    let [part, pass] = [
+        (parts, "part", "parts"),
+        (passes as usize, "pass", "passes"),
+    ]
+    .map(|(n, one, several)| format!("{n} {}", if n == 1 { one } else { several }));
+    for (film, (output, preview)) in merged.each().iter().zip(&targets) {
+        let image = image::of_part(film)?;
+        let preview = write_image(output, &image, preview.as_deref(), options.exposure)?;
+        if options.quiet {
+            continue;
+        }
+        print(&format!("{}: {part}, {pass}\n", output.display()))?;
         if let Some(text) = preview {
             print(&format!("  preview   {text}\n"))?;
         }

@@ -2,7 +2,7 @@
 //! files.
 
 use super::args::RenderOptions;
-use super::image_output::{check_ending, preview_path};
+use super::image_output::{check_ending, of_sensor, preview_path};
 use super::interrupt::{self, Interrupts};
 use super::memory::{self, Need};
 use super::progress::{Progress, Waiting};
@@ -14,7 +14,7 @@ use super::view::Page;
 use super::{CliError, Outcome, print, summary, tell, threads};
 use crate::film::Crop;
 use crate::io::destination::Claims;
-use crate::io::layers;
+use crate::io::layers::{self, Layer};
 use crate::io::loaded::{self, Loaded};
 use crate::io::part::Resumed;
 use crate::render::clock::cpu_seconds;
@@ -28,9 +28,8 @@ use crate::report::statistics::SensorStats;
 use crate::spectrum::SpectralChannels;
 use rayon::ThreadPool;
 use std::cell::RefCell;
-use std::ffi::OsStr;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -151,9 +150,10 @@ fn chosen_sensors(options: &RenderOptions, loaded: &Loaded) -> Result<Vec<usize>
         None => (0..scene.sensors.len()).collect(),
         name => vec![loaded.sensor(name.as_deref())?],
     };
-    if options.part.is_some() && sensors.len() > 1 {
+    if options.part.is_some() && sensors.len() > 1 && !options.together {
         return Err(CliError::Usage(format!(
-            "--part holds one sensor, the scene has {}: add --sensor NAME",
+            "--part holds one sensor, the scene has {}: add --sensor NAME (or --together, for \
+             detectors and the integrator light)",
             sensors.len()
         )));
     }
@@ -161,22 +161,14 @@ fn chosen_sensors(options: &RenderOptions, loaded: &Loaded) -> Result<Vec<usize>
 }
 
 fn targets(options: &RenderOptions, loaded: &Loaded, sensor: usize, several: bool) -> Targets {
-    let named = |stem: &Path, suffixes: &[&OsStr]| {
-        let mut name = stem.file_stem().unwrap_or_default().to_owned();
-        for suffix in suffixes {
-            name.push(".");
-            name.push(suffix);
-        }
+    let own_name = || {
+        let mut name = options.scene.file_stem().unwrap_or_default().to_owned();
+        name.push(".exr");
         PathBuf::from(name)
     };
-    let mut image = options
-        .output
-        .clone()
-        .unwrap_or_else(|| named(&options.scene, &["exr".as_ref()]));
+    let mut image = options.output.clone().unwrap_or_else(own_name);
     if several {
-        let sensor = loaded.scene.sensors[sensor].name.as_ref();
-        let extension = image.extension().unwrap_or("exr".as_ref()).to_owned();
-        image = image.with_file_name(named(&image, &[sensor, &extension]));
+        image = of_sensor(&image, &loaded.scene.sensors[sensor].name);
     }
     Targets {
         preview: (!options.no_preview).then(|| preview_path(&image)),
@@ -230,14 +222,20 @@ fn need(options: &RenderOptions, loaded: &Loaded, request: &OutputRequest, crops
     };
     let spectral = request.spectral.as_ref();
     let spectral = spectral.map_or(0, SpectralChannels::count) as u64;
+    let has_noise = options.aov.iter().any(|l| matches!(l, Layer::Noise));
+    let spectral_saved = spectral * (1 + u64::from(has_noise));
     Need {
         loaded: memory::loaded_bytes(&loaded.scene),
         // those of the pass in flight, too
         films: film_bytes(at_once, request).saturating_mul(2),
-        // at most three channels a layer
+        // at most three channels a layer; a part holds all that is rendered at once
         saving: saving_bytes(
-            pixels,
-            spectral + 3 * options.aov.len() as u64,
+            if options.part.is_some() {
+                at_once
+            } else {
+                pixels
+            },
+            spectral_saved + 3 * options.aov.len() as u64,
             options.part.is_some(),
         ),
         photons: 0,

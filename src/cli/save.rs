@@ -5,6 +5,7 @@ use super::args::RenderOptions;
 use super::image_output::write_image;
 use super::interrupt::Interrupts;
 use super::{CliError, tell};
+use crate::io::layers::Layer;
 use crate::io::lock::FileLock;
 use crate::io::{image, layers, part};
 use crate::render::guides::Guide;
@@ -177,8 +178,11 @@ impl<'a> Saver<'a> {
         layers::add(&mut image, &self.options.aov, render, guides);
         let (preview, exposure) = (targets.preview.as_deref(), self.options.exposure);
         let preview = write_image(&targets.image, &image, preview, exposure)?;
-        if let (Some(path), Some(image)) = (&targets.spectral, image::spectral_of(render)) {
-            write_image(path, &image, None, None)?;
+        if let Some(path) = &targets.spectral {
+            let with_noise = self.options.aov.iter().any(|l| matches!(l, Layer::Noise));
+            if let Some(image) = image::spectral_of(render, with_noise) {
+                write_image(path, &image, None, None)?;
+            }
         }
         Ok(preview)
     }

@@ -78,6 +78,8 @@ impl<'a> SensorJob<'a> {
         let film = f64::from(resolution.width) * f64::from(resolution.height);
         let splat_samples = crop.pixels() as f64 / film;
         let mut strategies = strategies(settings, splat_samples, camera.is_hittable());
+        // the point of a camera sub-path joined to a light does not land on its own pixel
+        strategies.direct_to_detector &= camera.far_field().is_none();
         let decision = decide(scene, sensor, settings);
         if let Some(Mode::Single(rule)) = decision.mode {
             strategies.single = Some(rule);

@@ -97,7 +97,9 @@ pub fn aims(settings: &Settings, scene: &Scene, sensor: usize) -> Aims {
         Aiming::Auto => matches!(integrator, IntegratorKind::Bdpt | IntegratorKind::Pssmlt),
         Aiming::All => !integrator.merges(),
     };
-    if !is_on || scene.chains().kinds().is_empty() {
+    // a chain from a point of a detector would land elsewhere than on that point's pixel
+    let is_far = scene.sensors[sensor].camera.far_field().is_some();
+    if !is_on || is_far || scene.chains().kinds().is_empty() {
         return Aims::NONE;
     }
     let camera = &scene.sensors[sensor].camera.kind;

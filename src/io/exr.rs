@@ -189,6 +189,13 @@ pub fn spectral_channel_nm(name: &str) -> Option<f64> {
         .ok()
 }
 
+/// Name of the channel with the noise of another one: one sample of its standard error in each
+/// pixel, with a sign.
+#[must_use]
+pub fn noise_channel(name: &str) -> String {
+    format!("noise.{name}")
+}
+
 /// The three channels of interleaved XYZ values.
 #[must_use]
 pub fn xyz_channels(xyz: &[f64]) -> Vec<Channel> {

@@ -10,6 +10,7 @@ use crate::scene::description::WavelengthChoice;
 use crate::scene::settings::{Merging, Metropolis, Regularization};
 use crate::scene::{Scene, Sensor, Settings, WavelengthSettings};
 use crate::spectrum::SensorResponse;
+use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// Version of the program.
@@ -42,15 +43,59 @@ fn wavelengths_name(settings: &WavelengthSettings) -> String {
     }
 }
 
-/// Quantity and unit of the image. Detectors measure irradiance, cameras radiance.
-fn unit_name(response: SensorResponse, is_detector: bool) -> &'static str {
-    match (response, is_detector) {
-        (SensorResponse::Xyz, false) => "radiance, unit equal-energy radiance has Y = 1",
-        (SensorResponse::Xyz, true) => {
+/// Quantity that a sensor measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Of cameras.
+    Radiance,
+    /// Of detectors over places.
+    Irradiance,
+    /// Of detectors over directions.
+    Intensity,
+}
+
+impl Quantity {
+    /// Of a sensor.
+    #[must_use]
+    pub fn of(scene: &Scene, sensor: usize) -> Self {
+        let camera = &scene.sensors[sensor].camera;
+        match (camera.as_detector(), camera.far_field()) {
+            (None, _) => Self::Radiance,
+            (Some(_), None) => Self::Irradiance,
+            (Some(_), Some(_)) => Self::Intensity,
+        }
+    }
+
+    /// The unit in a spectral image, per nanometer.
+    #[must_use]
+    pub fn spectral_unit(self) -> &'static str {
+        match self {
+            Self::Radiance => "W.m^-2.sr^-1",
+            Self::Irradiance => "W.m^-2",
+            Self::Intensity => "W.sr^-1",
+        }
+    }
+}
+
+/// Quantity and unit of the image.
+fn unit_name(response: SensorResponse, quantity: Quantity) -> &'static str {
+    match (response, quantity) {
+        (SensorResponse::Xyz, Quantity::Radiance) => {
+            "radiance, unit equal-energy radiance has Y = 1"
+        }
+        (SensorResponse::Xyz, Quantity::Irradiance) => {
             "irradiance, equal-energy irradiance of 1 W/(m^2 nm) has Y = 1"
         }
-        (SensorResponse::Photometric, false) => "photometric, 683 lm/W",
-        (SensorResponse::Photometric, true) => "photometric irradiance in lx, 683 lm/W",
+        (SensorResponse::Xyz, Quantity::Intensity) => {
+            "intensity, equal-energy intensity of 1 W/(sr nm) has Y = 1"
+        }
+        (SensorResponse::Photometric, Quantity::Radiance) => "photometric, 683 lm/W",
+        (SensorResponse::Photometric, Quantity::Irradiance) => {
+            "photometric irradiance in lx, 683 lm/W"
+        }
+        (SensorResponse::Photometric, Quantity::Intensity) => {
+            "photometric intensity in cd, 683 lm/W"
+        }
     }
 }
 
@@ -96,6 +141,7 @@ pub fn header(render: &Render) -> PartHeader {
         image: BTreeMap::from_iter(named),
         passes: pass_ranges(render.passes(), settings.seed),
         unfinished: None,
+        companions: Vec::new(),
     }
 }
 
@@ -144,7 +190,7 @@ fn image_values(
         (SENSOR_KIND, kind.to_owned()),
         (
             UNIT,
-            unit_name(response, is_detector(scene, sensor)).to_owned(),
+            unit_name(response, Quantity::of(scene, sensor)).to_owned(),
         ),
     ];
     if scene.polarization != Polarization::Average {
@@ -159,13 +205,25 @@ pub const PIXEL_ASPECT: &str = "pixelAspectRatio";
 /// Attribute with the width and height of a detector's pixels.
 pub const PIXEL_PITCH: &str = "pixelPitch";
 
-/// Width and height of a detector's pixels in meters; `None` for cameras.
+/// Attribute with the width and height of the pixels of a film over directions.
+pub const PIXEL_ANGLE: &str = "pixelAngle";
+
+/// Reads the width and height of pixels in degrees from the text of [`PIXEL_ANGLE`].
+#[must_use]
+pub fn angle_of_text(text: &str) -> Option<[f64; 2]> {
+    two_of_text(text, " deg")
+}
+
+/// Width and height of a detector's pixels in meters; `None` for cameras, and for films over
+/// directions.
 #[must_use]
 pub fn pixel_pitch(scene: &Scene, sensor: usize) -> Option<[f64; 2]> {
     let Sensor {
         camera, shutter, ..
     } = &scene.sensors[sensor];
-    camera.as_detector()?;
+    if camera.as_detector()?.far_field.is_some() {
+        return None;
+    }
     // a detector is the image of the square -1..1
     let map = camera.transform().at(shutter.open_s).to_world.matrix3;
     let size = camera.resolution().size();
@@ -178,7 +236,11 @@ pub fn pixel_pitch(scene: &Scene, sensor: usize) -> Option<[f64; 2]> {
 /// Reads the width and height of pixels in meters from the text of [`PIXEL_PITCH`].
 #[must_use]
 pub fn pitch_of_text(text: &str) -> Option<[f64; 2]> {
-    let (x, y) = text.strip_suffix(" m")?.split_once(" x ")?;
+    two_of_text(text, " m")
+}
+
+fn two_of_text(text: &str, unit: &str) -> Option<[f64; 2]> {
+    let (x, y) = text.strip_suffix(unit)?.split_once(" x ")?;
     let pitch = [x.parse().ok()?, y.parse().ok()?];
     let is_length = |v: &f64| v.is_finite() && *v > 0.0;
     pitch.iter().all(is_length).then_some(pitch)
@@ -189,15 +251,42 @@ fn detector_values(scene: &Scene, sensor: usize) -> Values {
     let Sensor {
         camera, shutter, ..
     } = &scene.sensors[sensor];
-    let Some([x, y]) = pixel_pitch(scene, sensor) else {
+    let Some(detector) = camera.as_detector() else {
         return Vec::new();
     };
-    let map = camera.transform().at(shutter.open_s).to_world.matrix3;
-    let (width, height) = (2.0 * map.x_axis.length(), 2.0 * map.y_axis.length());
+    let map = camera.transform().at(shutter.open_s).to_world;
+    let (u, v) = (map.matrix3.x_axis, map.matrix3.y_axis);
+    let (width, height) = (2.0 * u.length(), 2.0 * v.length());
+    let size = ("detectorSize", format!("{width} x {height} m"));
+    let resolution = camera.resolution().size();
+    if let Some(field) = &detector.far_field {
+        let [x, y] = (2.0 * field.half_rad / resolution)
+            .map(f64::to_degrees)
+            .to_array();
+        return vec![
+            size,
+            (PIXEL_ANGLE, format!("{x} x {y} deg")),
+            (PIXEL_ASPECT, format!("{}", x / y)),
+        ];
+    }
+    let [x, y] = [width / resolution.x, height / resolution.y];
+    // from columns and rows, counted from the upper left corner, to the world
+    let u = if detector.flipped { -u } else { u };
+    let (column, row) = (2.0 * u / resolution.x, -2.0 * v / resolution.y);
+    let text = |v: DVec3| format!("{} {} {}", v.x, v.y, v.z);
+    let corner = text(map.translation - u + v);
     vec![
-        ("detectorSize", format!("{width} x {height} m")),
+        size,
         (PIXEL_PITCH, format!("{x} x {y} m")),
         (PIXEL_ASPECT, format!("{}", x / y)),
+        (
+            "pixelToWorld",
+            format!(
+                "{corner} + column ({}) + row ({}) m",
+                text(column),
+                text(row)
+            ),
+        ),
     ]
 }
 

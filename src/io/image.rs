@@ -4,14 +4,18 @@
 //! renders give the same bytes.
 
 use super::exr::{
-    Channel, ExrError, ExrImage, ImageMetadata, MetadataValue, read as read_exr,
+    Channel, ExrError, ExrImage, ImageMetadata, MetadataValue, noise_channel, read as read_exr,
     spectral_channel_name, xyz_channels,
 };
-use super::identity;
+use super::identity::{self, Quantity};
 use super::part::{self, Part, PartError, PartHeader};
+use crate::camera::Resolution;
+use crate::camera::far_field::FarField;
 use crate::develop::Development;
 use crate::film::{AddSumsError, Film, Filter};
-use crate::render::{Render, Total};
+use crate::render::{PixelMeasure, Render, Total};
+use crate::spectrum::SpectralChannels;
+use glam::DVec2;
 use std::path::{Path, PathBuf};
 
 /// The XYZ image of a render.
@@ -20,7 +24,7 @@ pub fn of(render: &Render) -> ExrImage {
     xyz_image(&render.outputs().image, &identity::header(render))
 }
 
-/// The XYZ image of a part.
+/// The XYZ image of a part that holds one film.
 ///
 /// # Errors
 /// Where the sums do not fit the header.
@@ -53,6 +57,9 @@ pub fn read(path: &Path) -> Result<ExrImage, ReadError> {
     if part.header.pass_count() == 0 {
         return Err(ReadError::NoPass(path.to_owned()));
     }
+    if !part.header.companions.is_empty() {
+        return Err(ReadError::Several(path.to_owned()));
+    }
     Ok(of_part(&part)?)
 }
 
@@ -71,6 +78,9 @@ pub enum ReadError {
     /// A part without a whole pass.
     #[error("{}: no pass of it is whole: there is no picture (render goes on with --resume)", .0.display())]
     NoPass(PathBuf),
+    /// A part with several films.
+    #[error("{}: holds several detectors: make their images by abbe merge", .0.display())]
+    Several(PathBuf),
 }
 
 /// The development of an image by the kind of its sensor.
@@ -96,13 +106,30 @@ fn xyz_image(film: &Film, header: &PartHeader) -> ExrImage {
 
 /// Attribute with the luminous flux through the film of a detector.
 fn flux(film: &Film, header: &PartHeader) -> Option<(String, MetadataValue)> {
-    let [width, height] = identity::pitch_of_text(header.image.get(identity::PIXEL_PITCH)?)?;
-    let response = identity::response_of_unit(header.image.get(identity::UNIT)?);
-    let scale = width * height * response.photometric_unit();
+    let attribute = |name: &str| header.image.get(name);
+    let pixels = match attribute(identity::PIXEL_ANGLE) {
+        Some(text) => {
+            let PartHeader { width, height, .. } = *header;
+            let pixel = DVec2::from_array(identity::angle_of_text(text)?).map(f64::to_radians);
+            let size = DVec2::new(f64::from(width), f64::from(height));
+            let field = FarField {
+                half_rad: 0.5 * pixel * size,
+            };
+            let resolution = Resolution { width, height };
+            let [x0, y0, x1, y1] = header.crop;
+            PixelMeasure::Each(field.pixels(resolution, x0..x1, y0..y1))
+        }
+        None => {
+            let [width, height] = identity::pitch_of_text(attribute(identity::PIXEL_PITCH)?)?;
+            PixelMeasure::Uniform(width * height)
+        }
+    };
+    let response = identity::response_of_unit(attribute(identity::UNIT)?);
+    let scale = response.photometric_unit();
     let even = |end: u64| end.div_ceil(2);
     let passes = header.passes.iter();
     let even: u64 = passes.map(|p| even(p.end) - even(p.start)).sum();
-    let total = Total::of(film, 1, scale, [even, header.pass_count() - even]);
+    let total = Total::of(film, 1, &pixels, scale, [even, header.pass_count() - even]);
     Some(flux_entry("", &total, "lm"))
 }
 
@@ -153,9 +180,10 @@ fn metadata(header: &PartHeader) -> ImageMetadata {
 }
 
 /// The spectral image; `None` where none was kept. Bins hold the mean per nanometer, lines (layer
-/// `line`) their power.
+/// `line`) their power. `with_noise` adds that of each line, and of the rest as the irradiance
+/// (radiance) of all bins.
 #[must_use]
-pub fn spectral_of(render: &Render) -> Option<ExrImage> {
+pub fn spectral_of(render: &Render, with_noise: bool) -> Option<ExrImage> {
     let (spectral, film) = render.outputs().spectral.as_ref()?;
     let header = identity::header(render);
     let bins = spectral.bin_centers_nm().map(spectral_channel_name);
@@ -172,12 +200,12 @@ pub fn spectral_of(render: &Render) -> Option<ExrImage> {
             values: values.map(|&v| v as f32).collect(),
         }
     });
+    let mut channels: Vec<Channel> = channels.collect();
+    if with_noise {
+        channels.extend(spectral_noise(render, spectral, film));
+    }
     let mut metadata = metadata(&header);
-    let units = if identity::is_detector(render.scene(), render.sensor()) {
-        "W.m^-2"
-    } else {
-        "W.m^-2.sr^-1"
-    };
+    let units = Quantity::of(render.scene(), render.sensor()).spectral_unit();
     // readers know a spectral image by these two; per nanometer is understood
     for (name, value) in [("spectralLayoutVersion", "1.0"), ("emissiveUnits", units)] {
         let value = MetadataValue::Text(value.to_owned());
@@ -197,7 +225,41 @@ pub fn spectral_of(render: &Render) -> Option<ExrImage> {
         width: header.width,
         height: header.height,
         crop: header.crop(),
-        channels: channels.collect(),
+        channels,
         metadata,
     })
+}
+
+/// Noise of the lines of a spectral image, and of the sum over its bins.
+fn spectral_noise(render: &Render, spectral: &SpectralChannels, film: &Film) -> Vec<Channel> {
+    let lines = spectral.lines_nm();
+    let bins = spectral.count() - lines.len();
+    let [even, odd] = render.pass_counts();
+    let pixels = film.crop().pixels() as usize;
+    let noise = |channel| {
+        let noise = film.noise(channel, even, odd);
+        noise.unwrap_or_else(|| vec![f64::INFINITY; pixels])
+    };
+    let channel = |name: &str, noise: Vec<f64>| Channel {
+        name: noise_channel(name),
+        values: noise.into_iter().map(|v| v as f32).collect(),
+    };
+    let of_line = |(i, &nm): (usize, &f64)| {
+        let name = format!("line.{}", spectral_channel_name(nm));
+        channel(&name, noise(bins + i))
+    };
+    let mut channels: Vec<Channel> = lines.iter().enumerate().map(of_line).collect();
+    if bins > 0 {
+        let mut sum = vec![0.0; pixels];
+        for bin in 0..bins {
+            let more = noise(bin).into_iter();
+            sum.iter_mut()
+                .zip(more)
+                .for_each(|(sum, more)| *sum += more);
+        }
+        let width = spectral.bin_width_nm();
+        sum.iter_mut().for_each(|v| *v *= width);
+        channels.push(channel("continuum", sum));
+    }
+    channels
 }

@@ -1,6 +1,6 @@
 //! Extra layers of an XYZ image: errors, strategies, classes of paths, first hits.
 
-use super::exr::{Channel, ExrImage, MetadataValue, xyz_channels};
+use super::exr::{Channel, ExrImage, MetadataValue, noise_channel, xyz_channels};
 use super::image::flux_entry;
 use super::loaded::Loaded;
 use crate::film::Film;
@@ -17,6 +17,8 @@ use std::sync::PoisonError;
 pub enum Layer {
     /// Standard error of Y.
     Error,
+    /// One sample of the standard error of each pixel, of Y and of all that is measured besides.
+    Noise,
     /// One image per strategy (s, t).
     Strategies,
     /// Distance of the first hit.
@@ -41,6 +43,7 @@ impl FromStr for Layer {
     fn from_str(text: &str) -> Result<Self, String> {
         Ok(match text {
             "error" => Self::Error,
+            "noise" => Self::Noise,
             "strategies" => Self::Strategies,
             "depth" => Self::Depth,
             "normal" => Self::Normal,
@@ -52,7 +55,7 @@ impl FromStr for Layer {
             _ => {
                 let expression = text
                     .strip_prefix("class:")
-                    .ok_or("expected error, strategies, regularized, unbiased, bias, depth, normal, albedo, direct, ghosts or class:REGEX")?;
+                    .ok_or("expected error, noise, strategies, regularized, unbiased, bias, depth, normal, albedo, direct, ghosts or class:REGEX")?;
                 PathExpression::check(expression)?;
                 Self::Class(expression.to_owned())
             }
@@ -67,6 +70,11 @@ impl Layer {
             Self::Error => (
                 "error",
                 "standard error of Y, in its unit; infinite while it is unknown",
+            ),
+            Self::Noise => (
+                "noise",
+                "difference of the two halves of the passes, scaled so that its square has the \
+                 variance of the pixel as its mean; infinite while it is unknown",
             ),
             Self::Strategies => (
                 "sNtM",
@@ -150,6 +158,12 @@ pub fn check(layers: &[Layer], render: &Render) -> Result<(), &'static str> {
     if layers.iter().any(|a| matches!(a, Layer::Bias)) && !tells_bias {
         return Err("the layer bias needs regularization and --set render.bias_estimate=true");
     }
+    if layers.iter().any(|a| matches!(a, Layer::Noise)) && render.chains().is_some() {
+        return Err(
+            "the layer noise needs pixels that err independently, which those of pssmlt do not: \
+             choose another integrator",
+        );
+    }
     let needs = |(expression, _): &(PathExpression, Film)| expression.needs_events();
     if render.radius().is_some() && render.outputs().classes.iter().any(needs) {
         return Err(
@@ -224,6 +238,13 @@ pub fn add_chosen(
                 let errors =
                     errors.unwrap_or_else(|| vec![f64::INFINITY; render.crop().pixels() as usize]);
                 channels.push(channel("error.Y", errors.iter().copied()));
+            }
+            Layer::Noise => {
+                channels.push(noise("Y", &render.outputs().image, render));
+                let classes = render.outputs().classes.iter().enumerate();
+                channels.extend(
+                    classes.map(|(i, (_, film))| noise(&format!("class{i}.Y"), film, render)),
+                );
             }
             Layer::Strategies => {
                 let Some(films) = &render.outputs().strategies else {
@@ -302,6 +323,14 @@ pub fn guides_for(layers: &[Layer], render: &Render) -> Vec<Guide> {
     } else {
         Vec::new()
     }
+}
+
+/// Noise of the Y of a film, which the image has in this channel.
+fn noise(of: &str, film: &Film, render: &Render) -> Channel {
+    let [even, odd] = render.pass_counts();
+    let unknown = || vec![f64::INFINITY; render.crop().pixels() as usize];
+    let noise = film.noise(1, even, odd).unwrap_or_else(unknown);
+    channel(&noise_channel(of), noise.into_iter())
 }
 
 fn channel(name: &str, values: impl Iterator<Item = f64>) -> Channel {

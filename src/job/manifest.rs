@@ -259,6 +259,7 @@ mod tests {
                 image: BTreeMap::new(),
                 passes: Vec::new(),
                 unfinished: None,
+                companions: Vec::new(),
             },
             seed: 0,
             passes: 10,

@@ -8,6 +8,7 @@
 pub mod analysis;
 pub mod aperture;
 pub mod coating;
+pub mod exit_pupil;
 pub mod ghosts;
 mod interval;
 pub mod paraxial;
@@ -22,6 +23,7 @@ mod validate;
 
 pub use aperture::{Aperture, Outline};
 pub use coating::{Layer, Stack};
+pub use exit_pupil::ExitPupil;
 pub use paraxial::FirstOrder;
 pub use polarization::Polarization;
 pub use prescription::{

@@ -154,6 +154,25 @@ impl<'a> Paraxial<'a> {
         -1.0 / out.nu
     }
 
+    /// Distance from the last surface to the image of a plane so far before the first one (`None`:
+    /// infinitely far), millimeters; `None` where there is no real image behind the lens.
+    #[must_use]
+    pub fn image_of(&self, object: Option<f64>) -> Option<f64> {
+        let last = self.prescription.last();
+        let (y, nu) = object.map_or((1.0, 0.0), |distance| (distance, self.n[0]));
+        let out = self.trace(ParaxialRay { y, nu }, last)[last];
+        let distance = -out.y / out.nu * self.n[last + 1];
+        (distance.is_finite() && distance > 0.0).then_some(distance)
+    }
+
+    /// Radius of the stop that the entrance pupil of an f-number (of an object at infinity) is the
+    /// image of.
+    #[must_use]
+    pub fn stop_radius(&self, f_number: f64) -> f64 {
+        let [per_height, _] = self.stop_heights();
+        0.5 * (self.efl() / f_number * per_height).abs()
+    }
+
     /// Diameter of the entrance pupil.
     #[must_use]
     pub fn entrance_diameter(&self) -> f64 {

@@ -1,7 +1,8 @@
 //! Companions of a render: detectors that its light sub-paths fill as well, so that several planes
 //! of one bench cost one render.
 
-use super::{ClassTable, Outputs, Render, SessionError};
+use super::{ClassTable, Outputs, PilotPasses, Render, SessionError};
+use crate::film::AddSumsError;
 use crate::integrator::{Companion, SensorJob};
 use crate::scene::settings::IntegratorKind;
 
@@ -20,7 +21,11 @@ impl Render {
     }
 
     /// Adds detectors to be filled, before the first pass.
-    pub(super) fn add_companions(&mut self, sensors: &[usize]) -> Result<(), SessionError> {
+    pub(super) fn add_companions(
+        &mut self,
+        sensors: &[usize],
+        pilot: PilotPasses,
+    ) -> Result<(), SessionError> {
         for &sensor in sensors {
             let (index, count) = (sensor, self.scene.sensors.len());
             if index >= count {
@@ -36,7 +41,7 @@ impl Render {
             }
             let crop = self.scene.sensors[sensor].whole_film();
             let (scene, settings, request) = (&self.scene, &self.settings, &self.request);
-            let companion = Self::new(scene, sensor, settings, crop, request);
+            let companion = Self::with_pilot(scene, sensor, settings, crop, request, pilot);
             self.companions.push(companion);
         }
         Ok(())
@@ -47,7 +52,10 @@ impl Render {
         let sensors = &self.scene.sensors;
         let (ours, theirs) = (&sensors[self.sensor], &sensors[sensor]);
         if self.settings.integrator != IntegratorKind::Light {
-            Some("only light tracing can (render.integrator = \"light\")")
+            Some(
+                "only light tracing can, for camera sub-paths belong to one sensor \
+                 (render.integrator = \"light\", or each by itself)",
+            )
         } else if self.and_companions().any(|r| r.sensor == sensor) {
             Some("they are one")
         } else if !ours.camera.is_hittable() || !theirs.camera.is_hittable() {
@@ -67,6 +75,34 @@ impl Render {
             Companion::new(job, settings, lead, &self.crop)
         };
         self.companions.iter().map(companion).collect()
+    }
+
+    /// Adds the image sums of passes that were done before, of this render and then of each
+    /// companion.
+    ///
+    /// # Errors
+    /// Where the sums are of other films or overflow.
+    pub(super) fn restore_all(
+        &mut self,
+        passes: &[u32],
+        sums: &[i128],
+    ) -> Result<(), AddSumsError> {
+        let counts: Vec<usize> = self
+            .films()
+            .iter()
+            .map(|film| 2 * half_sums(film))
+            .collect();
+        let each = split(sums, &counts)?;
+        let renders = std::iter::once(&mut self.outputs);
+        let companions = self.companions.iter_mut().map(|r| &mut r.outputs);
+        for (outputs, sums) in renders.chain(companions).zip(each) {
+            outputs.image.add_sums(sums)?;
+        }
+        self.passes.extend(passes);
+        for companion in &mut self.companions {
+            companion.passes.extend(passes);
+        }
+        Ok(())
     }
 
     /// Films of this render and of its companions.
@@ -103,4 +139,26 @@ impl Render {
         let errors = self.and_companions().filter_map(|r| r.error());
         errors.map(|e| e.relative).reduce(f64::max)
     }
+}
+
+/// Number of sums of one half of an image.
+pub(super) fn half_sums(film: &Outputs) -> usize {
+    film.image.crop().pixels() as usize * film.image.channels()
+}
+
+/// Sums of all films, film by film.
+pub(super) fn split<'a>(
+    mut sums: &'a [i128],
+    counts: &[usize],
+) -> Result<Vec<&'a [i128]>, AddSumsError> {
+    let (expected, found) = (counts.iter().sum(), sums.len());
+    if expected != found {
+        return Err(AddSumsError::Length { expected, found });
+    }
+    let film = |count: &usize| {
+        let (film, rest) = sums.split_at(*count);
+        sums = rest;
+        film
+    };
+    Ok(counts.iter().map(film).collect())
 }

@@ -5,7 +5,9 @@
 //! 1/√(2n).
 
 use super::Outputs;
-use crate::film::Film;
+use crate::camera::Camera;
+use crate::film::{Crop, Film};
+use crate::geometry::Moment;
 use std::fmt;
 
 /// A sum over a film.
@@ -17,16 +19,64 @@ pub struct Total {
     pub error: Option<f64>,
 }
 
-impl Total {
-    /// Sum of a channel over a film whose halves hold so many passes, times `scale`.
+/// Area of the pixels of a film in m², or their solid angle in sr.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PixelMeasure {
+    /// The same of all.
+    Uniform(f64),
+    /// Of each, row by row.
+    Each(Vec<f64>),
+}
+
+impl PixelMeasure {
+    /// Of a detector over part of its film; `None` for cameras.
     #[must_use]
-    pub fn of(film: &Film, channel: usize, scale: f64, [even, odd]: [u64; 2]) -> Self {
+    pub fn of(camera: &Camera, crop: &Crop, moment: Moment) -> Option<Self> {
+        let area = camera.detector_area(moment)?;
+        let resolution = camera.resolution();
+        Some(match camera.far_field() {
+            Some(field) => {
+                let Crop { x0, y0, x1, y1 } = *crop;
+                Self::Each(field.pixels(resolution, x0..x1, y0..y1))
+            }
+            None => Self::Uniform(area / (resolution.size().x * resolution.size().y)),
+        })
+    }
+}
+
+impl Total {
+    /// Sum of a channel over the pixels of a film whose halves hold so many passes, times `scale`.
+    #[must_use]
+    pub fn of(
+        film: &Film,
+        channel: usize,
+        pixels: &PixelMeasure,
+        scale: f64,
+        [even, odd]: [u64; 2],
+    ) -> Self {
         let image = film.image(even + odd);
         let values = image.iter().skip(channel).step_by(film.channels());
         let noise = film.noise(channel, even, odd);
-        Self {
-            value: scale * values.sum::<f64>(),
-            error: noise.map(|noise| scale * noise.iter().map(|v| v * v).sum::<f64>().sqrt()),
+        let root = |squares: f64| squares.sqrt();
+        match pixels {
+            PixelMeasure::Uniform(measure) => {
+                let scale = scale * measure;
+                Self {
+                    value: scale * values.sum::<f64>(),
+                    error: noise.map(|noise| scale * root(noise.iter().map(|v| v * v).sum())),
+                }
+            }
+            PixelMeasure::Each(measures) => {
+                let values = values.zip(measures).map(|(v, m)| v * m);
+                let noise = noise.map(|noise| {
+                    let each = noise.iter().zip(measures).map(|(v, m)| v * m);
+                    scale * root(each.map(|v| v * v).sum())
+                });
+                Self {
+                    value: scale * values.sum::<f64>(),
+                    error: noise,
+                }
+            }
         }
     }
 }
@@ -55,17 +105,17 @@ pub struct Flux {
 }
 
 impl Flux {
-    /// Sums of the films of a detector whose pixels have an area of `pixel_m2`.
+    /// Sums of the films of a detector over its pixels.
     #[must_use]
-    pub fn new(outputs: &Outputs, pixel_m2: f64, passes: [u64; 2]) -> Self {
-        let lumens = pixel_m2 * outputs.response.photometric_unit();
+    pub fn new(outputs: &Outputs, pixels: &PixelMeasure, passes: [u64; 2]) -> Self {
+        let lumens = outputs.response.photometric_unit();
         let mut flux = Self {
-            luminous_lm: Total::of(&outputs.image, 1, lumens, passes),
+            luminous_lm: Total::of(&outputs.image, 1, pixels, lumens, passes),
             lines_w: Vec::new(),
             continuum_w: None,
             classes_lm: (outputs.classes.iter())
                 .map(|(class, film)| {
-                    let total = Total::of(film, 1, lumens, passes);
+                    let total = Total::of(film, 1, pixels, lumens, passes);
                     (class.source().to_owned(), total)
                 })
                 .collect(),
@@ -75,12 +125,12 @@ impl Flux {
         };
         let lines = channels.lines_nm();
         let bins = channels.count() - lines.len();
-        let total = |channel, scale| Total::of(film, channel, scale, passes);
-        let of_line = |(i, &nm)| (nm, total(bins + i, pixel_m2));
+        let total = |channel, scale| Total::of(film, channel, pixels, scale, passes);
+        let of_line = |(i, &nm)| (nm, total(bins + i, 1.0));
         flux.lines_w = lines.iter().enumerate().map(of_line).collect();
         // bins of one path share its wavelengths, but not their noise
         flux.continuum_w = (0..bins)
-            .map(|bin| total(bin, pixel_m2 * channels.bin_width_nm()))
+            .map(|bin| total(bin, channels.bin_width_nm()))
             .reduce(|sum, bin| Total {
                 value: sum.value + bin.value,
                 error: sum.error.zip(bin.error).map(|(a, b)| a.hypot(b)),

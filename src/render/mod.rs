@@ -29,7 +29,7 @@ pub use effort::EffortChoice;
 pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;
 pub use expression::PathExpression;
-pub use flux::{Flux, Total};
+pub use flux::{Flux, PixelMeasure, Total};
 pub use merging::{PhotonMemory, RadiusChoice, SharedWavelengths};
 pub use outputs::{OutputRequest, Outputs};
 pub use pass::{TileObserver, Tiles, UnfinishedPass};
@@ -480,10 +480,8 @@ impl Render {
     #[must_use]
     pub fn flux(&self) -> Option<Flux> {
         let sensor = &self.scene.sensors[self.sensor];
-        let area = sensor.camera.detector_area(sensor.shutter.open_s.into())?;
-        let size = sensor.camera.resolution();
-        let pixel_m2 = area / (f64::from(size.width) * f64::from(size.height));
-        let flux = Flux::new(&self.outputs, pixel_m2, self.pass_counts());
+        let pixels = PixelMeasure::of(&sensor.camera, &self.crop, sensor.shutter.open_s.into())?;
+        let flux = Flux::new(&self.outputs, &pixels, self.pass_counts());
         Some(match self.chains() {
             None => flux,
             // the pixels of a chain err together

@@ -98,7 +98,7 @@ pub struct UnfinishedPass {
     /// Pixels done of each tile of 16 x 16 pixels, in reading order both.
     pub done: Vec<u16>,
     /// Sums that these pixels have added to the image, of the half of the pass
-    /// ([`Film::sums_of_half`](crate::film::Film::sums_of_half)).
+    /// ([`Film::sums_of_half`](crate::film::Film::sums_of_half)); then to those of companions.
     pub sums: Vec<i128>,
 }
 

@@ -7,6 +7,7 @@
 //! or Markov chains, for which more would have to be kept, it is dropped.
 
 use super::clock::PassTime;
+use super::companions;
 use super::forecast::{ErrorHistory, Forecast};
 use super::pass::{Flight, TileObserver, Tiles, UnfinishedPass, Watch, tile_count, tile_pixels};
 use super::{Cancel, Choices, OutputRequest, Outputs, PilotPasses, Render, StopReason, StopRules};
@@ -29,7 +30,7 @@ pub struct SessionOptions {
     /// The rendered part of the film; `None`: all of it.
     pub crop: Option<Crop>,
     /// Detectors that the same light sub-paths fill as well, by index, all of their films
-    /// ([`Render::companions`]): for light tracing alone. Parts know no companions.
+    /// ([`Render::companions`]): for light tracing alone.
     pub companions: Vec<usize>,
     /// Films to keep.
     pub outputs: OutputRequest,
@@ -179,15 +180,13 @@ impl Session {
         }
         let passes = options.passes.unwrap_or(0..settings.spp);
         let outputs = &options.outputs;
+        let pilot = options.pilot.unwrap_or(PilotPasses::of(settings.spp));
         let mut render = match options.choices {
             Some(choices) => Render::with_choices(&scene, index, settings, crop, outputs, choices)
                 .ok_or(SessionError::Choices)?,
-            None => {
-                let pilot = options.pilot.unwrap_or(PilotPasses::of(settings.spp));
-                Render::with_pilot(&scene, index, settings, crop, outputs, pilot)
-            }
+            None => Render::with_pilot(&scene, index, settings, crop, outputs, pilot),
         };
-        render.add_companions(&options.companions)?;
+        render.add_companions(&options.companions, pilot)?;
         Ok(Self {
             staging: options.live.then(|| render.empty_films()),
             flight: None,
@@ -225,12 +224,13 @@ impl Session {
         self.observer = Some(Box::new(observer));
     }
 
-    /// Adds the image sums of passes that were done before; they will not be done again.
+    /// Adds the image sums of passes that were done before, of the sensor and then of each
+    /// companion; they will not be done again.
     ///
     /// # Errors
     /// Where the sums are of another film or overflow.
     pub fn restore(&mut self, passes: &[u32], sums: &[i128]) -> Result<(), AddSumsError> {
-        self.view.write().restore(passes, sums)?;
+        self.view.write().restore_all(passes, sums)?;
         self.restored.extend(passes);
         self.skip_restored();
         Ok(())
@@ -251,7 +251,10 @@ impl Session {
         if !fits {
             return Err(AddSumsError::Length { expected, found });
         }
-        films[0].image.add_sums_to_half(pass as usize & 1, &sums)?;
+        let counts: Vec<usize> = films.iter().map(companions::half_sums).collect();
+        for (film, sums) in films.iter_mut().zip(companions::split(&sums, &counts)?) {
+            film.image.add_sums_to_half(pass as usize & 1, sums)?;
+        }
         self.staging = Some(films);
         self.flight = Some(Flight {
             done,
@@ -267,7 +270,10 @@ impl Session {
         Some(UnfinishedPass {
             pass: flight.index,
             done: flight.done.clone(),
-            sums: films[0].image.sums_of_half(flight.index as usize & 1),
+            sums: films
+                .iter()
+                .flat_map(|film| film.image.sums_of_half(flight.index as usize & 1))
+                .collect(),
         })
     }
 

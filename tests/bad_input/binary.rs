@@ -49,6 +49,7 @@ pub fn valid_part() -> Vec<u8> {
             end: 4,
         }],
         unfinished: Some(part::UnfinishedName { seed: 0, pass: 4 }),
+        companions: Vec::new(),
     };
     part::write(
         &path,

@@ -105,6 +105,56 @@ fn planes_share_light_paths_and_tell_their_flux() {
     }
 }
 
+/// Parts of detectors that share light paths hold all of their films: merged or gone on with, they
+/// are the images of one run, byte for byte.
+#[test]
+fn parts_hold_all_detectors() {
+    let dir = bench();
+    succeed(
+        dir.path(),
+        "render bench.toml --together -q -o whole.exr --no-preview",
+    );
+    for (range, name) in [("0..5", "a"), ("5..16", "b")] {
+        let part = format!("--passes {range} --part {name}.part -o {name}.exr");
+        succeed(
+            dir.path(),
+            &format!("render bench.toml --together -q --no-preview {part}"),
+        );
+    }
+    succeed(
+        dir.path(),
+        "merge a.part b.part -o merged.exr --part all.part --no-preview",
+    );
+    succeed(
+        dir.path(),
+        "render bench.toml --together -q --no-preview --part a.part --resume -o resumed.exr",
+    );
+    for film in ["far", "near"] {
+        for of in ["merged", "resumed"] {
+            assert_same(
+                &dir,
+                &format!("whole.{film}.exr"),
+                &format!("{of}.{film}.exr"),
+            );
+        }
+    }
+    assert_same(&dir, "a.part", "all.part");
+    let message = fail(
+        dir.path(),
+        "render bench.toml --sensor far --part a.part --resume -q",
+        1,
+    );
+    assert!(
+        message.contains("another set of detectors (--together)"),
+        "{message}"
+    );
+    let message = fail(dir.path(), "develop a.part -o a.png", 1);
+    assert!(
+        message.contains("make their images by abbe merge"),
+        "{message}"
+    );
+}
+
 #[test]
 fn spots_are_measured_line_by_line() {
     let dir = bench();
@@ -113,6 +163,10 @@ fn spots_are_measured_line_by_line() {
         "render bench.toml --sensor far -o far.exr --spectral 1 -q --spp 64",
     );
     let spots = succeed(dir.path(), "spot far.spectral.exr --drawing spot.svg");
+    assert!(
+        spots.contains("no standard errors: they need a render with --aov noise"),
+        "{spots}"
+    );
     assert!(
         spots.contains("486.1327 nm") && spots.contains("656.2725 nm"),
         "{spots}"
@@ -136,6 +190,23 @@ fn spots_are_measured_line_by_line() {
     );
     // both lines have the same power but for Fresnel's losses, of 65 536 paths
     assert!((number(0, "power") / number(1, "power") - 1.0).abs() < 0.05);
+    // with the noise of the pixels all figures have errors, and other figures are no other
+    succeed(
+        dir.path(),
+        "render bench.toml --sensor far -o noise.exr --spectral 1 -q --spp 64 --aov noise",
+    );
+    let told = json(&succeed(
+        dir.path(),
+        "spot noise.spectral.exr --json --frequencies 0.5,1",
+    ));
+    for i in 0..2 {
+        let spot = &told["spots"][i];
+        assert_eq!(spot["rms"], found["spots"][i]["rms"]);
+        let error = spot["standard_error"]["rms"].as_f64().expect("a number");
+        // of 23 000 rays in each line: their spread over the root of their number
+        let rms = spot["rms"].as_f64().expect("a number");
+        assert!((0.001..0.02).contains(&(error / rms)), "{spot:#}");
+    }
     let whole = json(&succeed(
         dir.path(),
         "spot far.exr --json --window 0,0,32,32",
@@ -148,4 +219,45 @@ fn spots_are_measured_line_by_line() {
     );
     let message = fail(dir.path(), "spot far.exr --frequencies 900", 1);
     assert!(message.contains("too wide for 900 cycles"), "{message}");
+}
+
+/// The page's way from a lens file to a photograph and its resolution: each of its commands works,
+/// and prints what the page says.
+#[test]
+fn from_a_lens_file_to_a_photograph() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let page = std::fs::read_to_string(format!("{root}/docs/optics.md")).expect("is there");
+    let section = page.split("## From a lens file to a photograph").nth(1);
+    let section = section
+        .and_then(|s| s.split("\n## ").next())
+        .expect("a section");
+    let dir = tempfile::tempdir().expect("temporary folder");
+    let mut said = String::new();
+    let mut commands = 0;
+    for block in section.split("```console\n").skip(1) {
+        let block = block.split("```").next().unwrap_or_default();
+        for line in block.lines() {
+            let Some(command) = line.strip_prefix("$ abbe ") else {
+                assert!(said.contains(line), "{line}: {said}");
+                continue;
+            };
+            // as on the page, but for the number of samples
+            let mut command = command.replace(" scenes/", &format!(" {root}/scenes/"));
+            command = command.replace(" --spp 64", "");
+            if command.starts_with("render") {
+                command += " --spp 2 --set sensor.0.resolution=[90,60] -q";
+            }
+            said = succeed(dir.path(), &command);
+            commands += 1;
+        }
+    }
+    assert_eq!(commands, 4, "{section}");
+    assert!(
+        said.contains("587.5618 nm x") && said.contains("standard error"),
+        "{said}"
+    );
+    let photograph = exr::read(&dir.path().join("photograph.exr")).expect("an image");
+    let xyz = photograph.xyz().expect("three channels");
+    let lit = xyz.iter().skip(1).step_by(3).filter(|y| **y > 0.0).count();
+    assert!(lit > 90 * 60 / 2, "{lit} pixels have light");
 }

@@ -177,7 +177,7 @@ fn misuse_is_explained() {
         ),
         (
             "render scene.toml --aov noise",
-            "expected error, strategies, regularized, unbiased, bias, depth, normal, albedo, direct, ghosts or class:REGEX",
+            "expected error, noise, strategies, regularized, unbiased, bias, depth, normal, albedo, direct, ghosts or class:REGEX",
         ),
         (
             "render scene.toml --sensor eye",
@@ -381,7 +381,8 @@ fn every_sensor_gets_an_image() {
         "render two.toml -q --spp 1 --sensor side -o only.exr",
     );
     assert_same(&dir, "two.side.exr", "only.exr");
-    let message = "error: --part holds one sensor, the scene has 2: add --sensor NAME\n";
+    let message = "error: --part holds one sensor, the scene has 2: add --sensor NAME (or \
+                   --together, for detectors and the integrator light)\n";
     assert_eq!(
         fail(dir.path(), "render two.toml --part a.part", 2),
         message

@@ -140,6 +140,7 @@ fn merged_parts_equal_one_run() {
             image: BTreeMap::new(),
             passes: vec![range],
             unfinished: None,
+            companions: Vec::new(),
         };
         Part {
             header,

@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 const D_NM: f64 = 587.5618;
 
-fn lenses() -> PathBuf {
+pub fn lenses() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/lenses")
 }
 
@@ -52,7 +52,7 @@ impl Spot {
 }
 
 /// Transmittance of a surface without polarization.
-fn transmittance(event: &Event, before: f64, after: f64) -> f64 {
+pub fn transmittance(event: &Event, before: f64, after: f64) -> f64 {
     let cos_in = event.incoming.dot(event.normal).abs();
     let cos_out = event.outgoing.dot(event.normal).abs();
     let s = (before * cos_in - after * cos_out) / (before * cos_in + after * cos_out);
@@ -239,7 +239,7 @@ fn compare(what: &str, found: &[Spot], expected: &Spot, share: f64) {
     near("share", of(&|s| s.share), expected.share, share);
 }
 
-fn read(file: &str) -> Prescription {
+pub fn read(file: &str) -> Prescription {
     lens::read(&lenses().join(file), Library::embedded()).unwrap_or_else(|e| panic!("{e}"))
 }
 

@@ -16,6 +16,8 @@ mod closed_forms;
 mod contact;
 mod determinism;
 mod equality;
+mod far_field;
+mod film;
 mod hard_cases;
 mod harness;
 mod lanes;

@@ -168,8 +168,8 @@ fn others_are_refused() {
     );
     assert_eq!(
         fault(&with(&settings, IntegratorKind::Bdpt), 0),
-        "sensors \"behind\" and \"before\" cannot share light sub-paths: only light tracing can \
-         (render.integrator = \"light\")"
+        "sensors \"behind\" and \"before\" cannot share light sub-paths: only light tracing can, \
+         for camera sub-paths belong to one sensor (render.integrator = \"light\", or each by itself)"
     );
     assert_eq!(
         fault(&settings, 9),

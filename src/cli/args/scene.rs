@@ -90,9 +90,9 @@ pub struct RenderOptions {
     /// Writes no PNG preview
     #[arg(long)]
     pub no_preview: bool,
-    /// Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo, direct,
-    /// ghosts, class:REGEX (such as class:^LS+DE$ or class:'^L T(1) R(2) R(1) T(2) E$'), separated
-    /// by commas
+    /// Extra layers: error, noise, strategies, regularized, unbiased, bias, depth, normal, albedo,
+    /// direct, ghosts, class:REGEX (such as class:^LS+DE$ or class:'^L T(1) R(2) R(1) T(2) E$'),
+    /// separated by commas
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = Layer::from_str)]
     pub aov: Vec<Layer>,
     /// Also writes NAME.spectral.exr, with BINS channels over the range of wavelengths and one for

@@ -1,7 +1,7 @@
 //! The file of a part, little-endian: magic `abbepart`, u32 version, u32 header length, header
-//! (JSON), sums (i128, half by half, row by row, channels innermost); of an unfinished pass, where
-//! the header names one, the sums of its half and u16 pixels done of each tile; u64 checksum of
-//! everything before it.
+//! (JSON), sums (i128, film by film, half by half, row by row, channels innermost); of an
+//! unfinished pass, where the header names one, the sums of its half and u16 pixels done of each
+//! tile; u64 checksum of everything before it.
 //!
 //! A packed file has the same numbers by the thousands, the first byte of each, then the second one
 //! and so on, through DEFLATE (RFC 1951): the sums of a few passes leave most of their 128 bits

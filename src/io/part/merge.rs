@@ -55,7 +55,7 @@ pub fn check_identical(expected: &PartHeader, found: &PartHeader) -> Result<(), 
         let [first, second] = [expected, found].map(passes);
         return Err(differ("passes", first, second));
     }
-    if expected.image != found.image {
+    if expected.image != found.image || expected.companions != found.companions {
         let [first, second] = [expected, found].map(|h| format!("{:?}", h.image));
         return Err(differ("attributes", first, second));
     }
@@ -85,6 +85,18 @@ fn check_same(a: &PartHeader, b: &PartHeader) -> Result<(), PartError> {
         format!("{:016x}", b.settings_hash),
     )?;
     differ("sensor", a.sensor.clone(), b.sensor.clone())?;
+    let names = |header: &PartHeader| {
+        let films = header.companions.iter();
+        let films = films.map(|f| format!("{} {} x {}", f.sensor, f.width, f.height));
+        films.collect::<Vec<_>>().join(", ")
+    };
+    differ("detectors beside it", names(a), names(b))?;
+    let hashes = |header: &PartHeader| {
+        let films = header.companions.iter();
+        let films = films.map(|f| format!("{:016x} {}", f.settings_hash, f.pilot));
+        films.collect::<Vec<_>>().join(", ")
+    };
+    differ("settings of detectors beside it", hashes(a), hashes(b))?;
     differ(
         "size",
         format!("{} x {}", a.width, a.height),

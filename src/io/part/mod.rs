@@ -1,7 +1,8 @@
 //! Part files: the exact sums of a film after some passes, to be added to others or resumed.
 //!
 //! Integer sums: any order of merging gives the same bits. A part may also hold what is done of one
-//! pass that is not whole: no image shows it, only a render that goes on uses it.
+//! pass that is not whole: no image shows it, only a render that goes on uses it. Where detectors
+//! share light sub-paths, one part holds the films of all of them, for they have the same passes.
 
 mod format;
 mod merge;
@@ -13,7 +14,7 @@ use super::atomic::FileError;
 use super::identity;
 use crate::film::Crop;
 use crate::render::pass::{tile_count, tile_pixels};
-use crate::render::{PilotPasses, Session, UnfinishedPass};
+use crate::render::{PilotPasses, Render, Session, UnfinishedPass};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -65,6 +66,51 @@ pub struct PartHeader {
     pub passes: Vec<PassRange>,
     /// A pass that is not whole, which has sums of its own.
     pub unfinished: Option<UnfinishedName>,
+    /// Further films of the same passes, whose sums follow.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub companions: Vec<CompanionFilm>,
+}
+
+/// A detector that the light sub-paths of another one have filled: its film, where it differs.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompanionFilm {
+    /// Hash of all settings that change the estimate but seed and passes.
+    pub settings_hash: u64,
+    /// Name of the sensor.
+    pub sensor: String,
+    /// Columns of the film, all of which is rendered.
+    pub width: u32,
+    /// Rows of the film.
+    pub height: u32,
+    /// Passes per group of the pilot, as of the part.
+    pub pilot: u32,
+    /// Settings as the image tells them: attribute and text.
+    pub image: BTreeMap<String, String>,
+}
+
+impl CompanionFilm {
+    /// Of the header of its own render.
+    #[must_use]
+    pub fn of(header: PartHeader) -> Self {
+        let PartHeader {
+            settings_hash,
+            sensor,
+            width,
+            height,
+            pilot,
+            image,
+            ..
+        } = header;
+        Self {
+            settings_hash,
+            sensor,
+            width,
+            height,
+            pilot,
+            image,
+        }
+    }
 }
 
 /// Name of a pass that is not whole.
@@ -94,12 +140,43 @@ impl PartHeader {
             .fold(0, u64::saturating_add)
     }
 
+    /// Number of sums of each film; `None` beyond 64 bits.
+    fn sum_counts(&self) -> Option<Vec<u64>> {
+        let companions = self.companions.iter();
+        let companions = companions.map(|film| Crop::whole(film.width, film.height).pixels());
+        let count = |pixels: u64| {
+            let sums = pixels.checked_mul(u64::from(self.channels))?;
+            sums.checked_mul(HALVES)
+        };
+        let films = std::iter::once(self.crop().pixels()).chain(companions);
+        films.map(count).collect()
+    }
+
     /// Number of sums; `None` beyond 64 bits.
     fn sum_count(&self) -> Option<u64> {
-        self.crop()
-            .pixels()
-            .checked_mul(u64::from(self.channels))?
-            .checked_mul(HALVES)
+        let mut films = self.sum_counts()?.into_iter();
+        films.try_fold(0, u64::checked_add)
+    }
+
+    /// Headers of its films, each as that of a part of its own.
+    #[must_use]
+    pub fn each(&self) -> Vec<Self> {
+        let lead = Self {
+            companions: Vec::new(),
+            ..self.clone()
+        };
+        let companions = self.companions.iter().map(|film| Self {
+            settings_hash: film.settings_hash,
+            sensor: film.sensor.clone(),
+            width: film.width,
+            height: film.height,
+            crop: [0, 0, film.width, film.height],
+            pilot: film.pilot,
+            image: film.image.clone(),
+            unfinished: None,
+            ..lead.clone()
+        });
+        std::iter::once(lead.clone()).chain(companions).collect()
     }
 
     /// Whether it can be that of a part.
@@ -110,6 +187,13 @@ impl PartHeader {
         let [x0, y0, x1, y1] = self.crop;
         if x0 >= x1 || y0 >= y1 || x1 > self.width || y1 > self.height {
             return Err("the crop is empty or outside the film");
+        }
+        if self
+            .companions
+            .iter()
+            .any(|f| f.width == 0 || f.height == 0)
+        {
+            return Err("the film of a companion is empty");
         }
         if self.channels == 0 || self.channels > MAX_CHANNELS {
             return Err("the number of channels is not 1 to 4096");
@@ -146,13 +230,44 @@ impl PartHeader {
 pub struct Part {
     /// Quantity that the sums are of.
     pub header: PartHeader,
-    /// Fixed-point sums, half by half, row by row, channels innermost.
+    /// Fixed-point sums, film by film, half by half, row by row, channels innermost.
     pub sums: Vec<i128>,
     /// The pass that is not whole, if the header names one.
     pub unfinished: Option<UnfinishedPass>,
 }
 
 impl Part {
+    /// The films, each as a part of its own, with whole passes alone.
+    #[must_use]
+    pub fn each(self) -> Vec<Self> {
+        let Self { header, sums, .. } = self;
+        let mut headers = header.each();
+        if headers.len() == 1 {
+            let header = headers.remove(0);
+            return vec![Self {
+                header: PartHeader {
+                    unfinished: None,
+                    ..header
+                },
+                sums,
+                unfinished: None,
+            }];
+        }
+        let mut sums = sums.into_iter();
+        let film = |header: PartHeader| {
+            let count = header.sum_count().unwrap_or(0) as usize;
+            Self {
+                header: PartHeader {
+                    unfinished: None,
+                    ..header
+                },
+                sums: sums.by_ref().take(count).collect(),
+                unfinished: None,
+            }
+        };
+        headers.into_iter().map(film).collect()
+    }
+
     fn check(&self) -> Result<(), String> {
         self.header.check()?;
         if self.header.sum_count() != Some(self.sums.len() as u64) {
@@ -230,10 +345,22 @@ pub fn of(session: &Session) -> Part {
                 seed,
                 pass: found.pass,
             }),
-            ..identity::header(&render)
+            ..header_of(&render)
         },
-        sums: render.outputs().image.sums(),
+        sums: render
+            .and_companions()
+            .flat_map(|film| film.outputs().image.sums())
+            .collect(),
         unfinished,
+    }
+}
+
+/// Header of the part of a render and its companions.
+fn header_of(render: &Render) -> PartHeader {
+    let companions = render.companions().iter().map(identity::header);
+    PartHeader {
+        companions: companions.map(CompanionFilm::of).collect(),
+        ..identity::header(render)
     }
 }
 
@@ -273,6 +400,11 @@ impl Resumed {
     }
 }
 
+/// Names of the companions.
+fn sensors(header: &PartHeader) -> impl Iterator<Item = &String> {
+    header.companions.iter().map(|film| &film.sensor)
+}
+
 fn restore(session: &mut Session, part: Part) -> Result<(), String> {
     let Part {
         header,
@@ -281,7 +413,7 @@ fn restore(session: &mut Session, part: Part) -> Result<(), String> {
     } = part;
     let (expected, seed) = {
         let render = session.render();
-        (identity::header(&render), render.settings().seed)
+        (header_of(&render), render.settings().seed)
     };
     let seeds = header.passes.iter().map(|p| p.seed);
     let mut seeds = seeds.chain(header.unfinished.map(|u| u.seed));
@@ -298,6 +430,10 @@ fn restore(session: &mut Session, part: Part) -> Result<(), String> {
             ("version of the program", header.version == expected.version),
             ("scene", header.scene_hash == expected.scene_hash),
             ("sensor", header.sensor == expected.sensor),
+            (
+                "set of detectors (--together)",
+                sensors(&header).eq(sensors(&expected)),
+            ),
             ("crop", header.crop == expected.crop),
         ];
         let what = what.iter().find(|w| !w.1).map_or("settings", |w| w.0);

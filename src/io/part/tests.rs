@@ -33,6 +33,7 @@ fn part(seed: u64, start: u64, end: u64, value: i128) -> Part {
         image: BTreeMap::from([("integrator".to_owned(), "bdpt".to_owned())]),
         passes: vec![PassRange { seed, start, end }],
         unfinished: None,
+        companions: Vec::new(),
     };
     Part {
         header,

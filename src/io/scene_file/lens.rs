@@ -15,12 +15,14 @@ use crate::geometry::{Link, Transform};
 use crate::io::glass::MAX_FILE_BYTES;
 use crate::io::lens;
 use crate::material::{Material, MaterialId};
+use crate::optics::paraxial::Paraxial;
 use crate::optics::prescription::{
     Break, FieldKind, Medium, Prescription, Surface, SystemAperture, Wavelength,
 };
 use crate::optics::{Aperture, Interaction, Outline, Profile, Stack};
 use crate::scene::description::SceneDescription;
 use crate::scene::{LensAssembly, LensBuildError};
+use crate::spectrum::ior::LINE_D_NM;
 use glam::{DAffine3, DVec2, DVec3};
 use std::collections::BTreeSet;
 use std::ops::Range as Span;
@@ -208,6 +210,8 @@ keys! {
         /// Coating of every surface between air and glass that has none, as light from air meets
         /// it.
         coating: Option<At<Coating>>, or "none";
+        /// Focal length by diameter of the entrance pupil, to which the stop is closed.
+        f_number: Option<f64>, in POSITIVE, or "what the stop lets through";
         /// Radius of a black tube around the lens that holds its elements and stops.
         barrel: Option<f64>, in POSITIVE, unit "mm", or "none";
         /// Opaque material of the edges and flanges of its glass, such as a diffuse one of ground
@@ -224,11 +228,15 @@ keys! {
 #[derive(Debug)]
 pub struct PlacedLens {
     name: String,
+    /// Surfaces, as they are in the scene.
+    pub prescription: Prescription,
     assembly: LensAssembly,
     /// Material of its edges; `None`: black.
     edge: Option<MaterialId>,
-    to_world: DAffine3,
-    motion: Vec<Link>,
+    /// From the space of the lens in metres.
+    pub to_world: DAffine3,
+    /// Motion after that, the outermost link first.
+    pub motion: Vec<Link>,
 }
 
 impl PlacedLens {
@@ -267,12 +275,14 @@ impl Build for LensKeys {
             Some(given) => Some(checked(given, cx)?),
             None => None,
         };
-        let assembly = match self.file {
-            Some(file) if chosen == "file" => from_file(&file, coating.as_ref(), self.barrel, cx)?,
-            _ => {
-                let at = table.span("surface");
-                from_table(self.surface, &at, coating.as_ref(), self.barrel, cx)?
-            }
+        let further = Further {
+            coating: coating.as_ref(),
+            f_number: self.f_number.map(|n| (n, table.span("f_number"))),
+            barrel: self.barrel,
+        };
+        let (prescription, assembly) = match self.file {
+            Some(file) if chosen == "file" => from_file(&file, &further, cx)?,
+            _ => from_table(self.surface, &table.span("surface"), &further, cx)?,
         };
         let edge = self.edge.and_then(|e| e.facts);
         if edge.as_ref().is_some_and(|e| e.is_dielectric) {
@@ -283,6 +293,7 @@ impl Build for LensKeys {
         let name = self.name.map(|n| n.value.0);
         let placed = PlacedLens {
             name: String::new(),
+            prescription,
             assembly,
             edge: edge.map(|e| e.id),
             to_world,
@@ -305,42 +316,92 @@ fn checked(given: &At<Coating>, cx: &mut Reader<'_>) -> Option<Stack> {
     }
 }
 
-/// Coats what has no coating of its own.
-fn coat(lens: &mut Prescription, coating: Option<&Stack>) {
-    let Some(coating) = coating else { return };
-    let own: Vec<Option<Stack>> = lens.surfaces.iter().map(|s| s.coating.clone()).collect();
-    lens.coat(coating);
-    for (surface, own) in lens.surfaces.iter_mut().zip(own) {
-        surface.coating = own.or(surface.coating.take());
+/// Further keys of a lens, besides its surfaces.
+struct Further<'a> {
+    /// Coating of what has none of its own.
+    coating: Option<&'a Stack>,
+    /// The f-number that its stop is closed to, and where that is said.
+    f_number: Option<(f64, Span<usize>)>,
+    /// Radius of the tube around it, millimeters.
+    barrel: Option<f64>,
+}
+
+impl Further<'_> {
+    /// Coats what has no coating of its own.
+    fn coat(&self, lens: &mut Prescription) {
+        let Some(coating) = self.coating else { return };
+        let own: Vec<Option<Stack>> = lens.surfaces.iter().map(|s| s.coating.clone()).collect();
+        lens.coat(coating);
+        for (surface, own) in lens.surfaces.iter_mut().zip(own) {
+            surface.coating = own.or(surface.coating.take());
+        }
+    }
+
+    /// Closes the stop of a valid lens.
+    fn close_stop(&self, lens: &mut Prescription, cx: &mut Reader<'_>) -> Option<()> {
+        let Some((f_number, at)) = &self.f_number else {
+            return Some(());
+        };
+        let is_stop = |i: &usize| {
+            let surface = &lens.surfaces[*i];
+            let is_circle = matches!(surface.shape.aperture.outline, Outline::Circle { .. });
+            is_circle && lens.medium_before(*i).ior == surface.medium.ior
+        };
+        let stop = (0..=lens.last()).find(|i| *i == lens.stop && is_stop(i));
+        let Some(stop) = stop.or_else(|| (0..=lens.last()).find(is_stop)) else {
+            let message = "the lens has no stop to close (allowed with a flat surface between \
+                           equal media that has a semi_diameter)";
+            cx.conflict(at, message);
+            return None;
+        };
+        lens.stop = stop;
+        let radius = Paraxial::new(lens, LINE_D_NM).stop_radius(*f_number);
+        let outline = &mut lens.surfaces[stop].shape.aperture.outline;
+        match outline {
+            Outline::Circle { radius: open } if radius <= *open * (1.0 + 1e-9) => {
+                *open = radius.min(*open);
+                Some(())
+            }
+            Outline::Circle { radius: open } => {
+                let widest = f_number * radius / *open;
+                let message = format!(
+                    "the stop of this lens does not open as far (allowed: {widest:.4} or more)"
+                );
+                cx.conflict(at, message);
+                None
+            }
+            _ => unreachable!("invariant: the stop is a circle"),
+        }
     }
 }
 
 fn from_file(
     file: &At<FileName>,
-    coating: Option<&Stack>,
-    barrel: Option<f64>,
+    further: &Further,
     cx: &mut Reader<'_>,
-) -> Option<LensAssembly> {
+) -> Option<(Prescription, LensAssembly)> {
     let path = cx.find(file, MAX_FILE_BYTES)?;
     let bytes = cx.bytes(file, &path)?;
-    let made = lens::parse_named(&bytes, &path, cx.library).and_then(|mut prescription| {
-        coat(&mut prescription, coating);
-        let assembly = LensAssembly::new(&prescription, barrel).map_err(|error| {
-            let line = prescription.surfaces[error.surface - 1].line;
-            format!("line {line}: {error}")
-        })?;
-        Ok((assembly, prescription.notes))
-    });
-    match made {
-        Ok((assembly, notes)) => {
-            cx.file_notes(file, notes);
+    let mut prescription = match lens::parse_named(&bytes, &path, cx.library) {
+        Ok(prescription) => prescription,
+        Err(message) => {
+            cx.bad_file(file, message);
+            return None;
+        }
+    };
+    further.coat(&mut prescription);
+    further.close_stop(&mut prescription, cx)?;
+    match LensAssembly::new(&prescription, further.barrel) {
+        Ok(assembly) => {
+            cx.file_notes(file, prescription.notes.clone());
             for ior in assembly.glasses().to_vec() {
                 validated(ior, false, &file.at, cx);
             }
-            Some(assembly)
+            Some((prescription, assembly))
         }
-        Err(message) => {
-            cx.bad_file(file, message);
+        Err(error) => {
+            let line = prescription.surfaces[error.surface - 1].line;
+            cx.bad_file(file, format!("line {line}: {error}"));
             None
         }
     }
@@ -349,24 +410,26 @@ fn from_file(
 fn from_table(
     rows: Vec<At<Built<LensSurfaceKeys>>>,
     at: &Span<usize>,
-    coating: Option<&Stack>,
-    barrel: Option<f64>,
+    further: &Further,
     cx: &mut Reader<'_>,
-) -> Option<LensAssembly> {
+) -> Option<(Prescription, LensAssembly)> {
     let places: Vec<Span<usize>> = rows.iter().map(|row| row.at.clone()).collect();
     let rows = rows.into_iter().map(|row| row.value.0).collect();
     let [low, high] = cx.range_nm?;
     let mut prescription = prescription(rows, (low + high) / 2.0);
-    coat(&mut prescription, coating);
-    let made = prescription
+    further.coat(&mut prescription);
+    let is_valid = prescription
         .validate()
-        .map_err(|e| (e.surface, e.to_string()))
-        .and_then(|()| {
-            let error = |e: LensBuildError| (Some(e.surface), e.to_string());
-            LensAssembly::new(&prescription, barrel).map_err(error)
-        });
+        .map_err(|e| (e.surface, e.to_string()));
+    if is_valid.is_ok() {
+        further.close_stop(&mut prescription, cx)?;
+    }
+    let made = is_valid.and_then(|()| {
+        let error = |e: LensBuildError| (Some(e.surface), e.to_string());
+        LensAssembly::new(&prescription, further.barrel).map_err(error)
+    });
     match made {
-        Ok(assembly) => Some(assembly),
+        Ok(assembly) => Some((prescription, assembly)),
         Err((surface, message)) => {
             let place = surface.and_then(|i| places.get(i - 1));
             cx.conflict(place.unwrap_or(at), message);
@@ -434,6 +497,31 @@ fn prescription(rows: Vec<Row>, nm: f64) -> Prescription {
 /// `[[lens]]`, each with its place.
 #[derive(Debug, Default)]
 pub struct Lenses(pub Vec<At<PlacedLens>>);
+
+impl Lenses {
+    /// The lens of a name.
+    ///
+    /// # Errors
+    /// There is none, in words.
+    pub fn find(&self, name: &str) -> Result<&PlacedLens, String> {
+        let found = self.0.iter().find(|lens| lens.value.name == name);
+        found.map(|lens| &lens.value).ok_or_else(|| {
+            let names: Vec<String> = self
+                .0
+                .iter()
+                .map(|lens| format!("\"{}\"", lens.value.name))
+                .collect();
+            format!(
+                "lens \"{name}\" is not defined (allowed: {})",
+                if names.is_empty() {
+                    "the scene has no [[lens]]".to_owned()
+                } else {
+                    names.join(", ")
+                }
+            )
+        })
+    }
+}
 
 impl Value for Lenses {
     fn form() -> Form {

@@ -9,6 +9,7 @@ mod aim;
 mod coating;
 mod document;
 mod error;
+mod film;
 mod keys;
 mod lens;
 mod light;

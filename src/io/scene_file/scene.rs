@@ -14,7 +14,7 @@ use super::model::{Loaded, Models};
 use super::object::Objects;
 use super::reader::Reader;
 use super::render::{RenderKeys, Unit};
-use super::sensor::Sensors;
+use super::sensor::{Pending, Sensors};
 use super::spectrum::Spectra;
 use super::value::{At, MediumName};
 use super::{LoadedScene, Places};
@@ -119,32 +119,41 @@ impl SceneKeys {
         if cx.error_count() > 0 {
             return None;
         }
-        let rendering = self.render.and_then(|given| given.0).unwrap_or_default();
         let shutter = cx.shutter.unwrap_or_default();
+        let mut read = read;
+        for pending in &mut read {
+            let Some(film) = &pending.film else { continue };
+            let camera = &mut pending.sensor.value.camera;
+            let found = self.lens.find(&film.lens.value);
+            let made = found.and_then(|lens| film.camera(camera.resolution(), lens, shutter));
+            match made {
+                Ok(placed) => *camera = placed,
+                Err(message) => cx.conflict(&film.lens.at, message),
+            }
+        }
+        if cx.error_count() > 0 {
+            return None;
+        }
+        let rendering = self.render.and_then(|given| given.0).unwrap_or_default();
         let place = |at: &std::ops::Range<usize>| cx.place(at.start);
         let mut places = Places {
             objects: self.object.0.iter().map(|o| place(&o.at)).collect(),
             lights: self.light.0.iter().map(|l| place(&l.at)).collect(),
-            sensors: read.iter().map(|(s, _)| place(&s.at)).collect(),
+            sensors: read.iter().map(|s| place(&s.sensor.at)).collect(),
         };
-        if cx.moves && read.iter().all(|(s, _)| s.value.shutter.is_instant()) {
+        let is_instant = |s: &Pending| s.sensor.value.shutter.is_instant();
+        if cx.moves && read.iter().all(is_instant) {
             let warning =
                 "things move, but every shutter is open for a moment only: nothing is blurred";
             cx.warnings.push(warning.to_owned());
         }
-        let sensors = read.into_iter().map(
-            |(
-                At {
-                    value: mut sensor, ..
-                },
-                motion,
-            )| {
-                if !motion.is_empty() {
-                    sensor.camera = sensor.camera.under(&motion, shutter);
-                }
-                sensor
-            },
-        );
+        let sensors = read.into_iter().map(|pending| {
+            let mut sensor = pending.sensor.value;
+            if !pending.motion.is_empty() {
+                sensor.camera = sensor.camera.under(&pending.motion, shutter);
+            }
+            sensor
+        });
         let file_hashes = cx.file_hashes.iter();
         let mut description = SceneDescription {
             media: self.medium.0,

@@ -2,6 +2,7 @@
 
 use super::aim::{AimKeys, Disk};
 use super::document::Node;
+use super::film::{Film, FilmKeys};
 use super::keys::{
     Build, Built, Form, Given, Keys, NON_NEGATIVE, POSITIVE, Range, Spec, Table, Value,
     first_given, keys,
@@ -10,18 +11,27 @@ use super::motion::Motion;
 use super::reader::Reader;
 use super::transform::Matrix;
 use super::value::{At, Direction, Length, MediumName, Name, Point, items};
-use crate::camera::detector::Aim;
+use crate::camera::detector::{Aim, Toward};
+use crate::camera::far_field::FarField;
 use crate::camera::perspective::ThinLens;
 use crate::camera::{Camera, Resolution};
 use crate::geometry::{Link, Shutter, Transform};
 use crate::io::model::MAX_PIXELS;
 use crate::scene::description::SensorDescription;
 use crate::scene::settings::FilterKind;
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
 use std::collections::BTreeSet;
 use std::ops::Range as Span;
 
 const FIELD_OF_VIEW: Range = Range {
+    below_high: true,
+    ..Range::above(0.0, 180.0, "above 0, below 180 degrees")
+};
+const ACCEPTANCE: Range = Range {
+    below_high: true,
+    ..Range::above(0.0, 90.0, "above 0, below 90 degrees")
+};
+const FAR_FIELD: Range = Range {
     below_high: true,
     ..Range::above(0.0, 180.0, "above 0, below 180 degrees")
 };
@@ -266,6 +276,15 @@ keys! {
         pitch: Option<Length>, in POSITIVE;
         /// Whether light goes on behind it.
         transparent: bool, default false;
+        /// Half angle of the cone about the normal from which it takes light.
+        acceptance_deg: Option<f64>, in ACCEPTANCE, unit "degrees", or "90, all of its side";
+        /// Measures intensity by direction instead, W/(sr nm) or cd, of light that arrives anywhere
+        /// on the rectangle: [width, height] of the picture in angles about the normal, equal
+        /// lengths for equal angles from its middle. Light that travels toward u is at the right.
+        far_field_deg: Option<[f64; 2]>, in FAR_FIELD, unit "degrees";
+        /// Whether columns run against u: the picture as seen from behind, which is the right way
+        /// round for a film behind a lens.
+        flip: bool, default false;
         /// A disk that most light comes through, such as the rear element of the lens before a
         /// film: nine of ten camera sub-paths go there.
         aim: Option<Given<AimKeys>>, or "none";
@@ -319,10 +338,34 @@ impl Build for DetectorKeys {
                 })
             }
         };
+        let flip = self.flip;
+        let acceptance = self.acceptance_deg.map(f64::to_radians);
+        let far_field = self.far_field_deg.map(|full| FarField {
+            half_rad: DVec2::from_array(full.map(|deg| 0.5 * deg.to_radians())),
+        });
+        if far_field.is_some() {
+            for key in ["pitch", "aim", "acceptance_deg"] {
+                if table.get(key).is_some() {
+                    let message = format!(
+                        "{key} and far_field_deg exclude each other (its film is over angles)"
+                    );
+                    cx.conflict(&table.span(key), message);
+                }
+            }
+        }
         let camera = move |resolution| {
             let camera = Camera::detector(pose, width_m, height_m, resolution, transparent);
+            let camera = if flip { camera.flipped() } else { camera };
+            let camera = match acceptance {
+                Some(rad) => camera.accepting(rad),
+                None => camera,
+            };
+            let camera = match far_field {
+                Some(field) => camera.by_direction(field),
+                None => camera,
+            };
             match aim {
-                Some(aim) => camera.aimed(aim),
+                Some(aim) => camera.aimed(Toward::Disk(aim)),
                 None => camera,
             }
         };
@@ -380,6 +423,8 @@ keys! {
         orthographic: Option<Given<OrthographicKeys>>;
         /// A rectangle that measures irradiance.
         detector: Option<Given<DetectorKeys>>;
+        /// A film behind a lens of the scene.
+        film: Option<Given<FilmKeys>>;
     }
 }
 
@@ -391,6 +436,7 @@ pub struct Unnamed {
     shutter: Shutter,
     motion: Vec<Link>,
     medium: Option<At<MediumName>>,
+    film: Option<Film>,
 }
 
 impl Build for SensorKeys {
@@ -401,7 +447,25 @@ impl Build for SensorKeys {
             value: file_name(given, cx),
             at: given.at.clone(),
         });
-        table.exactly_one(&["perspective", "orthographic", "detector"], "sensor", cx)?;
+        let kinds = ["perspective", "orthographic", "detector", "film"];
+        if table.exactly_one(&kinds, "sensor", cx)? == "film" && !self.motion.0.is_empty() {
+            let message = "a film moves with its lens (allowed: motion of the lens)";
+            cx.conflict(&table.span("motion"), message);
+        }
+        if let Some(Given(film)) = self.film {
+            let film = film?;
+            table.sound(cx)?;
+            let size = self.resolution.unwrap_or(DEFAULT_RESOLUTION);
+            return Some(Unnamed {
+                name,
+                camera: film.unplaced(size.resolution()),
+                filter: (self.filter, self.filter_radius),
+                shutter: self.shutter,
+                motion: Vec::new(),
+                medium: self.medium,
+                film: Some(film),
+            });
+        }
         let (camera, own_size) = first_given([
             self.perspective.map(|g| g.0),
             self.orthographic.map(|g| g.0),
@@ -420,8 +484,19 @@ impl Build for SensorKeys {
             shutter: self.shutter,
             motion: self.motion.0,
             medium: self.medium,
+            film: None,
         })
     }
+}
+
+/// A sensor in its place, but for what moves it and for the lens that a film looks for.
+pub struct Pending {
+    /// The sensor.
+    pub sensor: At<SensorDescription>,
+    /// Motion, the outermost link first.
+    pub motion: Vec<Link>,
+    /// The film that it is.
+    pub film: Option<Film>,
 }
 
 /// `[[sensor]]`, each with its place and what moves it.
@@ -430,7 +505,7 @@ pub struct Sensors {
     /// How many there are, also of those that are wrong.
     pub count: usize,
     /// The others.
-    pub read: Vec<(At<SensorDescription>, Vec<Link>)>,
+    pub read: Vec<Pending>,
 }
 
 impl Value for Sensors {
@@ -469,7 +544,11 @@ impl Value for Sensors {
             cx.sensor_media.extend(sensor.medium.map(|m| (index, m)));
             let at = item.span();
             let value = sensor_description;
-            sensors.read.push((At { value, at }, sensor.motion));
+            sensors.read.push(Pending {
+                sensor: At { value, at },
+                motion: sensor.motion,
+                film: sensor.film,
+            });
         }
         Some(sensors)
     }

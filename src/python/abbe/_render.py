@@ -131,8 +131,8 @@ def render(scene: Scene | Source, *, progress: bool | Tell = False, **options: U
     crop
         ``(x0, y0, x1, y1)``: the pixels x0 <= x < x1, y0 <= y < y1 alone.
     layers
-        Extra layers: error, strategies, regularized, unbiased, bias, depth, normal, albedo,
-        direct, ghosts, class:REGEX.
+        Extra layers: error, noise, strategies, regularized, unbiased, bias, depth, normal,
+        albedo, direct, ghosts, class:REGEX.
     spectral
         Bins of a spectral image; True for 47. Emission lines have channels of their own.
     threads

@@ -238,6 +238,7 @@ impl Session {
             }
             let mut xyz = image::of(&render);
             layers::add(&mut xyz, &self.layers, &render, &self.guides);
+            let with_noise = self.layers.iter().any(|l| matches!(l, Layer::Noise));
             let stop = self.stop.unwrap_or(StopReason::Driver);
             let name = &self.loaded.scene.sensors[render.sensor()].name;
             let elapsed = self.session.elapsed();
@@ -246,7 +247,7 @@ impl Session {
             let error = render.error().map(|e| e.relative);
             Ok(Image::new(
                 xyz,
-                image::spectral_of(&render),
+                image::spectral_of(&render, with_noise),
                 error,
                 stats.json().to_string(),
             ))

@@ -4,16 +4,23 @@
 //! A pixel is a square of uniform irradiance. Its own width is taken out of root mean square radii
 //! (a square of side p has a variance of p²/12 along each axis) and of the modulation transfer
 //! (divided by sin(πfp)/(πfp)), so that both are those of the light. Encircled energy is that of
-//! the pixels.
+//! the pixels. Where the image has the layer `noise`, and no filter spreads light over pixels, all
+//! have standard errors.
+//!
+//! Of a film over directions all lengths are angles: degrees in place of millimeters.
 
+mod errors;
 mod view;
 
+pub use errors::SpotErrors;
 pub use view::{drawing, json, text};
 
 use super::ReportError;
+use crate::camera::Resolution;
+use crate::camera::far_field::FarField;
 use crate::film::Crop;
-use crate::io::exr::{ExrImage, MetadataValue, spectral_channel_nm};
-use crate::io::identity::{self, PIXEL_PITCH, pitch_of_text};
+use crate::io::exr::{ExrImage, MetadataValue, noise_channel, spectral_channel_nm};
+use crate::io::identity::{self, PIXEL_ANGLE, PIXEL_PITCH, angle_of_text, pitch_of_text};
 use crate::spectrum::SensorResponse;
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
@@ -67,6 +74,8 @@ pub struct Spot {
     pub energy: Vec<(f64, f64)>,
     /// Modulation transfer.
     pub modulation: Vec<Modulation>,
+    /// Standard errors, where the image tells the noise of its pixels.
+    pub errors: Option<SpotErrors>,
 }
 
 impl Spot {
@@ -84,6 +93,8 @@ pub struct Spots {
     pub window: Crop,
     /// Width and height of a pixel, millimeters.
     pub pitch_mm: DVec2,
+    /// Whether the film is over directions: what are millimeters otherwise are degrees.
+    pub is_angular: bool,
     /// Unit of the powers.
     pub unit: &'static str,
     /// One per channel that has light.
@@ -95,6 +106,8 @@ struct Plane {
     name: String,
     lambda_nm: Option<f64>,
     values: Vec<f64>,
+    /// Noise of the values, where the image tells it.
+    noise: Option<Vec<f64>>,
 }
 
 /// Measures the spots of an image of a detector: of a spectral image each line and the rest, else Y
@@ -104,12 +117,14 @@ struct Plane {
 /// The image is none of a detector, has values that are not finite, or no light in the window.
 pub fn measure(path: &Path, image: &ExrImage, request: &SpotRequest) -> Result<Spots, ReportError> {
     let fault = |message: String| ReportError::file(path, message);
-    let pitch = match image.metadata.get(PIXEL_PITCH) {
-        Some(MetadataValue::Text(text)) => pitch_of_text(text),
+    let attribute = |name, read: fn(&str) -> Option<[f64; 2]>| match image.metadata.get(name) {
+        Some(MetadataValue::Text(text)) => read(text).map(DVec2::from_array),
         _ => None,
     };
-    let [x, y] = pitch.ok_or_else(|| {
-        fault("is no image of a detector: it has no attribute pixelPitch".to_owned())
+    let angle = attribute(PIXEL_ANGLE, angle_of_text);
+    let pitch_m = attribute(PIXEL_PITCH, pitch_of_text);
+    let pitch_mm = angle.or(pitch_m.map(|pitch| 1e3 * pitch)).ok_or_else(|| {
+        fault("is no image of a detector: it has no attribute pixelPitch or pixelAngle".to_owned())
     })?;
     let window = request.window.unwrap_or(image.crop);
     let c = image.crop;
@@ -130,31 +145,66 @@ pub fn measure(path: &Path, image: &ExrImage, request: &SpotRequest) -> Result<S
     if planes.is_empty() {
         return Err(fault("has neither a channel Y nor a spectrum".to_owned()));
     }
-    let pitch_mm = 1e3 * DVec2::new(x, y);
+    let film = DVec2::new(f64::from(image.width), f64::from(image.height));
+    // solid angles of pixels, as multiples of that in the middle
+    let solid_angles = angle.map(|pitch| {
+        let field = FarField {
+            half_rad: 0.5 * film * pitch.map(f64::to_radians),
+        };
+        let (width, height) = (image.width, image.height);
+        let (columns, rows) = (window.x0..window.x1, window.y0..window.y1);
+        let pixels = field.pixels(Resolution { width, height }, columns, rows);
+        let middle = field.solid_angle(DVec2::ZERO) / (film.x * film.y);
+        pixels.into_iter().map(move |sr| sr / middle)
+    });
+    let solid_angles: Option<Vec<f64>> = solid_angles.map(Iterator::collect);
+    let radians = angle.map(|pitch| pitch.map(f64::to_radians));
+    let pixel = radians.unwrap_or(1e-3 * pitch_mm);
     let frame = Frame {
-        film: DVec2::new(f64::from(image.width), f64::from(image.height)),
+        film,
         window,
         pitch_mm,
+        pixel_measure: pixel.x * pixel.y,
     };
     let frequencies = frame.frequencies(&request.frequencies);
     let most = 0.5 / pitch_mm.max_element();
     if let Some(beyond) = frequencies.iter().find(|f| **f > most * (1.0 + 1e-9)) {
         return Err(fault(format!(
-            "its pixels are too wide for {beyond} cycles per millimeter (allowed: up to {most})"
+            "its pixels are too wide for {beyond} cycles per {} (allowed: up to {most})",
+            if angle.is_some() {
+                "degree"
+            } else {
+                "millimeter"
+            }
         )));
     }
     let mut spots = Vec::new();
     for plane in planes {
         let mut values = cut(&plane.values, image.crop, window);
+        let mut noise = plane.noise.map(|noise| cut(&noise, image.crop, window));
+        if let Some(shares) = &solid_angles {
+            for values in [Some(&mut values), noise.as_mut()].into_iter().flatten() {
+                values
+                    .iter_mut()
+                    .zip(shares)
+                    .for_each(|(v, share)| *v *= share);
+            }
+        }
         if values.iter().any(|v| !v.is_finite()) {
             return Err(fault(format!("{}: pixels are not finite", plane.name)));
         }
+        // of a render without two halves it is not known
+        let noise = noise.filter(|noise| noise.iter().all(|v| v.is_finite()));
         if request.background {
             let level = border_mean(&values, window);
             values.iter_mut().for_each(|v| *v -= level);
         }
         if values.iter().sum::<f64>() > 0.0 {
-            spots.push(frame.spot(plane.name, plane.lambda_nm, &values, &frequencies));
+            let mut spot = frame.spot(plane.name, plane.lambda_nm, &values, &frequencies);
+            let errors = |noise: &[f64]| frame.errors(&spot, &values, noise, request.background);
+            let errors = noise.as_deref().map(errors);
+            spot.errors = errors;
+            spots.push(spot);
         }
     }
     if spots.is_empty() {
@@ -163,6 +213,7 @@ pub fn measure(path: &Path, image: &ExrImage, request: &SpotRequest) -> Result<S
     Ok(Spots {
         window,
         pitch_mm,
+        is_angular: angle.is_some(),
         unit,
         spots,
     })
@@ -171,6 +222,16 @@ pub fn measure(path: &Path, image: &ExrImage, request: &SpotRequest) -> Result<S
 /// The channels to measure, in W/m² or the unit of Y, and the unit of their integral.
 fn planes(image: &ExrImage) -> (Vec<Plane>, &'static str) {
     let wide = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect::<Vec<f64>>();
+    // what a filter spreads over pixels errs together in them
+    let is_box = match image.metadata.get("filter") {
+        Some(MetadataValue::Text(text)) => text == "box",
+        _ => true,
+    };
+    let noise_of = |name: &str| {
+        let name = noise_channel(name);
+        let channel = image.channels.iter().find(|c| is_box && c.name == name);
+        channel.map(|c| wide(&c.values))
+    };
     let mut bins: Vec<(f64, Vec<f64>)> = Vec::new();
     let mut lines = Vec::new();
     for channel in &image.channels {
@@ -185,6 +246,7 @@ fn planes(image: &ExrImage) -> (Vec<Plane>, &'static str) {
                 name: format!("{nm} nm"),
                 lambda_nm: Some(nm),
                 values: wide(&channel.values),
+                noise: noise_of(&channel.name),
             });
         }
     }
@@ -207,6 +269,7 @@ fn planes(image: &ExrImage) -> (Vec<Plane>, &'static str) {
                 name: "continuum".to_owned(),
                 lambda_nm: None,
                 values: (0..pixels).map(sum).collect(),
+                noise: noise_of("continuum"),
             });
         }
         return (lines, "W");
@@ -230,11 +293,15 @@ fn planes(image: &ExrImage) -> (Vec<Plane>, &'static str) {
     };
     let unit = response.photometric_unit();
     let planes = image.channels.iter().filter_map(|channel| {
+        let name = of_layer(&channel.name)?;
         let values = channel.values.iter().map(|&v| unit * f64::from(v));
+        let mut noise = noise_of(&channel.name);
+        noise.iter_mut().flatten().for_each(|v| *v *= unit);
         Some(Plane {
-            name: of_layer(&channel.name)?,
+            name,
             lambda_nm: None,
             values: values.collect(),
+            noise,
         })
     });
     (planes.collect(), "lm")
@@ -249,18 +316,21 @@ fn cut(values: &[f64], crop: Crop, window: Crop) -> Vec<f64> {
     (window.y0..window.y1).flat_map(row).copied().collect()
 }
 
-/// Mean of the outermost pixels.
-fn border_mean(values: &[f64], window: Crop) -> f64 {
+/// Whether each pixel of a window is one of the outermost.
+fn border(window: Crop) -> impl Iterator<Item = bool> {
     let (width, height) = (window.width() as usize, window.height() as usize);
-    let is_border = |i: &usize| {
+    (0..width * height).map(move |i| {
         let (x, y) = (i % width, i / width);
         x == 0 || y == 0 || x + 1 == width || y + 1 == height
-    };
-    let border: Vec<f64> = (0..values.len())
-        .filter(is_border)
-        .map(|i| values[i])
-        .collect();
-    border.iter().sum::<f64>() / border.len() as f64
+    })
+}
+
+/// Mean of the outermost pixels.
+fn border_mean(values: &[f64], window: Crop) -> f64 {
+    let pixels = values.iter().zip(border(window));
+    let border = pixels.filter_map(|(v, is_border)| is_border.then_some(v));
+    let (sum, count) = border.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+    sum / count
 }
 
 /// The window in the plane of the detector.
@@ -268,6 +338,8 @@ struct Frame {
     film: DVec2,
     window: Crop,
     pitch_mm: DVec2,
+    /// Area of a pixel in m², or solid angle in sr.
+    pixel_measure: f64,
 }
 
 impl Frame {
@@ -309,7 +381,6 @@ impl Frame {
         let from_centroid = |i: usize| self.to_mm(self.pixel(i)) - centroid_mm;
         let square = weighted(&|i| from_centroid(i) * from_centroid(i));
         let own = self.pitch_mm * self.pitch_mm / 12.0;
-        let pixel_m2 = 1e-6 * self.pitch_mm.x * self.pitch_mm.y;
         let energy = self.energy(values, from_centroid, sum);
         let radius = |share: f64| {
             let beyond = energy.iter().find(|(_, s)| *s >= share);
@@ -318,7 +389,7 @@ impl Frame {
         Spot {
             name,
             lambda_nm,
-            power: sum * pixel_m2,
+            power: sum * self.pixel_measure,
             centroid_mm,
             centroid_px,
             // a background may leave less than nothing
@@ -328,6 +399,7 @@ impl Frame {
                 .map(|&per_mm| self.modulation(values, per_mm, sum))
                 .collect(),
             energy: thinned(&energy),
+            errors: None,
         }
     }
 

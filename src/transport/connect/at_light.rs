@@ -255,7 +255,12 @@ impl Joiner<'_> {
         self.counters.connections_tried += 1;
         let sensor = &self.context.scene.sensors[self.context.sensor];
         let (_, direction) = sensor.camera.density(x_sensor.p, w, self.context.moment());
-        let across = EdgeDensity::uniform(direction.area_density(1.0, 1.0));
+        let density = direction.area_density(1.0, 1.0);
+        if density <= 0.0 {
+            // light that it does not accept
+            return;
+        }
+        let across = EdgeDensity::uniform(density);
         let start = EndStart::new(camera.densities[0].own, Departure::Scattered(across));
         let receiver = Receiver::Area { cos };
         let end = End {

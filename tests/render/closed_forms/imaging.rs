@@ -96,6 +96,7 @@ fn prism_deviation() {
                 .replace("NORMAL", &format!("[-{cos}, {sin}, 0]"));
             let spot = spot(&text, 32, 0.1, 4);
             let distance = spot.x.hypot(spot.y);
+            println!("{glass} prism at {line} nm: off by {distance:.5} mm on 1 m");
             assert!(
                 distance < 0.01,
                 "{glass} at {line} nm: off by {distance} mm: {spot:?}"
@@ -268,6 +269,10 @@ fn ball_lens_focus() {
             spot(&text, 64, edge, 4).rms
         });
         let found = focus - side + 2.0 * side * before / (before + after);
+        println!(
+            "{index}: best focus off by {:.1e} of itself",
+            found / focus - 1.0
+        );
         assert!(
             (found / focus - 1.0).abs() < 1e-4,
             "{index}: focus at {found}, expected {focus}"
@@ -321,6 +326,7 @@ fn lens_far_from_the_origin() {
     ];
     for (offset, before) in cases {
         let there = bench(offset, before);
+        println!("at {offset:?} mm, light {before} mm before: {there:?}");
         let distance = (there.x - here.x).hypot(there.y - here.y);
         assert!(
             distance < 1e-6 * here.rms,

@@ -2,7 +2,7 @@
 
 use super::check;
 use crate::camera::CameraKind;
-use crate::camera::detector::Aim;
+use crate::camera::detector::{Aim, Toward};
 use crate::camera::perspective::ThinLens;
 use crate::geometry::Mesh;
 use crate::light::Light;
@@ -294,7 +294,7 @@ fn densities_by_definition_at_detectors() {
     for (name, transparent, aim) in [
         ("detector", false, None),
         ("transparent detector", true, None),
-        ("aimed detector", false, Some(aim)),
+        ("aimed detector", false, Some(Toward::Disk(aim))),
     ] {
         let mut parts = Parts::new().balls(partly()).light(sky());
         parts.settings.max_depth = Some(5);
