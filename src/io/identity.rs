@@ -2,6 +2,7 @@
 //! tells whether parts belong together.
 
 use super::part::{PartHeader, PassRange};
+use crate::camera::detector::Toward;
 use crate::film::Filter;
 use crate::math::hash::hash_bytes;
 use crate::optics::Polarization;
@@ -163,6 +164,9 @@ pub const SENSOR_KIND: &str = "sensorKind";
 /// Value for a detector.
 pub const DETECTOR: &str = "detector";
 
+/// Attribute of detectors that are films behind lenses: their images are photographs.
+pub const FILM: &str = "film";
+
 /// Attributes of every image: how it was made.
 fn image_values(
     scene: &Scene,
@@ -195,6 +199,10 @@ fn image_values(
     ];
     if scene.polarization != Polarization::Average {
         values.push(("fresnel", scene.polarization.to_string()));
+    }
+    let detector = scene.sensors[sensor].camera.as_detector();
+    if detector.is_some_and(|d| matches!(d.aim, Some(Toward::Pupil(_)))) {
+        values.push((FILM, "behind a lens".to_owned()));
     }
     values
 }

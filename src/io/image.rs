@@ -86,8 +86,11 @@ pub enum ReadError {
 /// The development of an image by the kind of its sensor.
 #[must_use]
 pub fn development(image: &ExrImage) -> Development {
+    let is_film = image.metadata.get(identity::FILM).is_some();
     match image.metadata.get(identity::SENSOR_KIND) {
-        Some(MetadataValue::Text(kind)) if kind == identity::DETECTOR => Development::MEASUREMENT,
+        Some(MetadataValue::Text(kind)) if kind == identity::DETECTOR && !is_film => {
+            Development::MEASUREMENT
+        }
         _ => Development::PHOTOGRAPH,
     }
 }

@@ -176,7 +176,7 @@ fn misuse_is_explained() {
             "expected a time above 0 such as 10s, 2m or 1h",
         ),
         (
-            "render scene.toml --aov noise",
+            "render scene.toml --aov grain",
             "expected error, noise, strategies, regularized, unbiased, bias, depth, normal, albedo, direct, ghosts or class:REGEX",
         ),
         (

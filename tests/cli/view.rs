@@ -480,7 +480,8 @@ fn layers_are_those_of_the_command_line_and_those_chosen() {
     let problem = state["problem"].as_str().expect("text");
     assert!(problem.contains("bias_estimate"), "{problem}");
     assert!(
-        fail(dir.path(), "view scene.toml --aov noise", 2).contains("expected error, strategies")
+        fail(dir.path(), "view scene.toml --aov grain", 2)
+            .contains("expected error, noise, strategies")
     );
 }
 

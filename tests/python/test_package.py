@@ -103,7 +103,7 @@ def test_scenes_with_problems_name_them_and_change_nothing() -> None:
     assert scene.hash != before and list(scene.keys_set) == ["medium.crown.glass", "object.ball.interior"]
     scene.set("object.ball.interior", "flint")
     assert list(scene.keys_set) == ["medium.crown.glass", "object.ball.interior"]
-    for wrong in ({"sensor": "none"}, {"crop": (0, 0, 99, 9)}, {"layers": ["noise"]}, {"time": -1.0}, {"passes": (3, 3)}):
+    for wrong in ({"sensor": "none"}, {"crop": (0, 0, 99, 9)}, {"layers": ["grain"]}, {"time": -1.0}, {"passes": (3, 3)}):
         with pytest.raises(ValueError):
             abbe.render(scene, **wrong)  # type: ignore[arg-type]
     with pytest.raises(abbe.SceneError, match="integrator"):
