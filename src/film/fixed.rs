@@ -1,7 +1,7 @@
 //! Sums in fixed point, so that the order of addition does not matter.
 //!
-//! Each value is rounded once to a multiple of 2⁻⁶⁴ and added as a 128-bit integer. Integer addition
-//! is associative, so any number of threads in any order leave the same bits.
+//! Each value is rounded once to a multiple of 2⁻⁶⁴ and added as a 128-bit integer. Integer
+//! addition is associative, so any number of threads in any order leave the same bits.
 
 /// Multiples of the quantum in 1.
 const PER_UNIT: f64 = 18_446_744_073_709_551_616.0;

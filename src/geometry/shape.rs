@@ -116,9 +116,9 @@ impl Shape {
         }
     }
 
-    /// Closest hit of an analytic shape (meshes bring their own tree); `ray` is that in the space of
-    /// the shape, with the largest coordinate of the shape as its extent, and `is_end` tells whether
-    /// one of its ends lies on the shape.
+    /// Closest hit of an analytic shape (meshes bring their own tree); `ray` is that in the space
+    /// of the shape, with the largest coordinate of the shape as its extent, and `is_end` tells
+    /// whether one of its ends lies on the shape.
     #[inline(always)]
     pub(super) fn analytic_hit<'a>(
         &self,

@@ -8,9 +8,9 @@
 //! Invariant: boxes only ever cull, and never what a ray touches. They live in a frame in which the
 //! tree fills -1..1; a ray is advanced in f64 to the bounds before it is rounded, so that planes
 //! are at most 2 and a little away. With u = 2^-24, the distance of a plane then errs by u (start
-//! of the ray) + 2u (corner of the node from it) and, in units of the inverse direction, by 4u (that
-//! itself) + 2u (corner) + 2u (steps) + 2u (sum) more, together 8e-7 at most, and boxes are padded
-//! by more.
+//! of the ray) + 2u (corner of the node from it) and, in units of the inverse direction, by 4u
+//! (that itself) + 2u (corner) + 2u (steps) + 2u (sum) more, together 8e-7 at most, and boxes are
+//! padded by more.
 
 use glam::{DVec3, Vec3, Vec3A};
 use prefetch_index::prefetch_index;
@@ -250,7 +250,7 @@ impl Node {
         node
     }
 
-    /// What is in a slot: the bits of a byte that tell leaf and length are those of a [`Child`], 24
+    /// Content of a slot: the bits of a byte that tell leaf and length are those of a [`Child`], 24
     /// places lower.
     #[inline(always)]
     pub(super) fn child(&self, slot: usize) -> Child {

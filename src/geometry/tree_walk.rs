@@ -10,7 +10,7 @@ use std::ops::Range;
 /// Pending children that need no allocation (a million triangles: at most 60).
 const PENDING: usize = 96;
 
-/// What is still to be visited, last in, first out.
+/// Children still to be visited, last in, first out.
 trait Stack<T> {
     fn push(&mut self, pending: T);
     fn pop(&mut self) -> Option<T>;

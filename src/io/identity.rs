@@ -159,6 +159,27 @@ pub fn response_of_unit(unit: &str) -> SensorResponse {
     }
 }
 
+/// Photometric unit of Y in an image with this attribute [`UNIT`].
+#[must_use]
+pub fn photometric_unit(unit: &str) -> &'static str {
+    if unit.contains("irradiance") {
+        "lx"
+    } else if unit.contains("intensity") {
+        "cd"
+    } else {
+        "cd/m²"
+    }
+}
+
+/// Photometric unit of Y in the images of a sensor.
+#[must_use]
+pub fn photometric_unit_of(scene: &Scene, sensor: usize) -> &'static str {
+    photometric_unit(unit_name(
+        SensorResponse::Photometric,
+        Quantity::of(scene, sensor),
+    ))
+}
+
 /// Attribute that tells images of cameras from those of detectors.
 pub const SENSOR_KIND: &str = "sensorKind";
 /// Value for a detector.

@@ -4,7 +4,7 @@
 use super::html::png_url;
 use super::svg::{self, Axis, Diagram, color};
 use crate::io::exr::{ExrImage, MetadataValue};
-use crate::io::identity::{self, PIXEL_PITCH};
+use crate::io::identity::{self, PIXEL_ANGLE, PIXEL_PITCH};
 use crate::spectrum::SensorResponse;
 use glam::DVec2;
 use std::fmt::Write as _;
@@ -107,13 +107,15 @@ impl Unit {
             _ => None,
         };
         let response = text(identity::UNIT).map_or(SensorResponse::Xyz, identity::response_of_unit);
-        let (pixel, length) = match text(PIXEL_PITCH).and_then(identity::pitch_of_text) {
-            Some(pitch) => (1e3 * DVec2::from_array(pitch), "mm"),
-            None => (DVec2::ONE, "pixels"),
+        let pitch = text(PIXEL_PITCH).and_then(identity::pitch_of_text);
+        let angle = text(PIXEL_ANGLE).and_then(identity::angle_of_text);
+        let (pixel, length) = match (pitch, angle) {
+            (Some(pitch), _) => (1e3 * DVec2::from_array(pitch), "mm"),
+            (None, Some(angle)) => (DVec2::from_array(angle), "degrees"),
+            (None, None) => (DVec2::ONE, "pixels"),
         };
-        let is_detector = text(identity::SENSOR_KIND) == Some(identity::DETECTOR);
         Self {
-            name: if is_detector { "lx" } else { "cd/m²" },
+            name: identity::photometric_unit(text(identity::UNIT).unwrap_or_default()),
             scale: response.photometric_unit(),
             pixel,
             length,
@@ -330,6 +332,19 @@ mod tests {
         assert!(svg.contains(r#"width="280.0" height="420.0""#), "{svg}");
         let places = svg.matches("<polyline").count();
         assert_eq!(places, 2, "{svg}");
+    }
+
+    #[test]
+    fn a_detector_over_directions_has_degrees_and_candela() {
+        let image = image(&[
+            ("pixelAngle", "0.5 x 0.25 deg"),
+            ("unit", "photometric intensity in cd, 683 lm/W"),
+        ]);
+        let svg = figure(&image, &[1.0; 36], b"", "", None).expect("drawn");
+        assert!(
+            svg.contains("degrees from the middle") && svg.contains(">cd<"),
+            "{svg}"
+        );
     }
 
     #[test]

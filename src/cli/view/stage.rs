@@ -41,7 +41,9 @@ pub struct Stage {
     pub is_detector: bool,
     /// Width and height of a pixel of a detector, meters.
     pub pitch_m: Option<[f64; 2]>,
-    /// cd/m² or lux that a Y of 1 stands for.
+    /// Photometric unit of Y.
+    pub unit_name: &'static str,
+    /// So many of them that a Y of 1 stands for.
     pub unit: f64,
 }
 
@@ -62,6 +64,7 @@ impl Stage {
             guides: Vec::new(),
             is_detector: text(identity::SENSOR_KIND) == identity::DETECTOR,
             pitch_m: identity::pitch_of_text(text(identity::PIXEL_PITCH)),
+            unit_name: identity::photometric_unit(text(identity::UNIT)),
             unit: response.photometric_unit(),
             subject: Subject::Image(image),
         }
@@ -171,7 +174,7 @@ impl Stage {
             "y": y,
             "xyz": xyz,
             "luminance": xyz[1] * self.unit,
-            "unit": if self.is_detector { "lx" } else { "cd/m²" },
+            "unit": self.unit_name,
             "spectrum": spectrum,
             "sections": sections,
         }))

@@ -306,7 +306,7 @@ impl<'a> Plan<'a> {
         let mut shots = Vec::new();
         session.run_with(|session, progress| {
             if self.passes.contains(&(progress.passes as u32)) {
-                shots.push(shot(session, &progress));
+                shots.push(shot(session, progress));
             }
             Ok::<_, ReportError>(ControlFlow::Continue(()))
         })?;
@@ -321,7 +321,7 @@ impl<'a> Plan<'a> {
         session.run_with(|session, progress| {
             let seconds = progress.time.cpu_seconds();
             while times.get(shots.len()).is_some_and(|time| *time <= seconds) {
-                shots.push(shot(session, &progress));
+                shots.push(shot(session, progress));
             }
             Ok::<_, ReportError>(if shots.len() == times.len() {
                 ControlFlow::Break(())
