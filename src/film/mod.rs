@@ -261,6 +261,11 @@ impl Film {
         }
     }
 
+    /// Number of sums of a half.
+    fn values_of_half(&self) -> usize {
+        self.crop.pixels() as usize * self.channels
+    }
+
     /// The sums of one half, row by row.
     fn half_sums(&self, half: usize) -> impl Iterator<Item = i128> {
         let height = self.crop.height() as usize;
@@ -274,10 +279,9 @@ impl Film {
     #[must_use]
     pub fn image(&self, passes: u64) -> Vec<f64> {
         let scale = mean_scale(passes) * self.unit;
-        self.half_sums(0)
-            .zip(self.half_sums(1))
-            .map(|(even, odd)| (fixed::to_f64(even) + fixed::to_f64(odd)) * scale)
-            .collect()
+        let pairs = self.half_sums(0).zip(self.half_sums(1));
+        let mean = |(even, odd)| (fixed::to_f64(even) + fixed::to_f64(odd)) * scale;
+        collected(self.values_of_half(), pairs.map(mean))
     }
 
     /// The channels of one pixel of [`Film::image`] (absolute film coordinates); `None` outside the
@@ -316,7 +320,8 @@ impl Film {
         };
         let [even, odd] = [passes_even, passes_odd].map(|n| mean_scale(n) * self.unit);
         let pairs = values(0).zip(values(1));
-        Some(pairs.map(|(e, o)| e * even - o * odd).collect())
+        let pixels = self.crop.pixels() as usize;
+        Some(collected(pixels, pairs.map(|(e, o)| e * even - o * odd)))
     }
 
     /// One sample of the standard error of [`Film::image`] per pixel of one channel, with a sign:
@@ -367,13 +372,14 @@ impl Film {
     /// The exact sums in units of 2^(exponent − 64), by half, row, column and channel.
     #[must_use]
     pub fn sums(&self) -> Vec<i128> {
-        self.half_sums(0).chain(self.half_sums(1)).collect()
+        let both = self.half_sums(0).chain(self.half_sums(1));
+        collected(2 * self.values_of_half(), both)
     }
 
     /// Those of one half (0 or 1).
     #[must_use]
     pub fn sums_of_half(&self, half: usize) -> Vec<i128> {
-        self.half_sums(half).collect()
+        collected(self.values_of_half(), self.half_sums(half))
     }
 
     /// Adds the sums of another film of the same size.
@@ -408,6 +414,14 @@ impl Film {
         *self.not_finite.get_mut() += std::mem::take(other.not_finite.get_mut());
         *self.saturated.get_mut() += std::mem::take(other.saturated.get_mut());
     }
+}
+
+/// So many values. Rows do not tell their number beforehand, and a vector that grows by doubling
+/// would take three times its memory for a moment.
+fn collected<T>(count: usize, values: impl Iterator<Item = T>) -> Vec<T> {
+    let mut all = Vec::with_capacity(count);
+    all.extend(values);
+    all
 }
 
 /// The sums of a row. No thread stops between two sums of one pixel but for a defect that ends the

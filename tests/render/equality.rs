@@ -317,7 +317,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [200, 200, 67],
+        passes: [300, 300, 100],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2e-3,

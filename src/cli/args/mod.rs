@@ -210,7 +210,7 @@ mod tests {
         assert!(
             matches!(&options.aov[..], [Layer::Error, Layer::Class(class), Layer::Depth] if class == "^LS+DE$")
         );
-        assert!(render(&["--aov", "noise"]).is_err());
+        assert!(render(&["--aov", "grain"]).is_err());
         assert!(render(&["--aov", "class:("]).is_err());
         assert!(render(&["--aov", "class:L T(1) R(x) E"]).is_err());
         assert!(render(&["--aov", "direct,ghosts,class:L T(1) R(\"back\") E"]).is_ok());
