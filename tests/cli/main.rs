@@ -309,7 +309,7 @@ fn photons_take_the_memory_that_was_announced() {
     assert!((announced / all_held - 1.0).abs() < 0.04);
     // beside a render with fewer: what else there is takes the same (with fewer still, saving the
     // image takes most)
-    let (_, fewer) = render("--integrator ppm --set render.max_depth=2");
+    let (_, fewer) = render("--integrator ppm --set render.max_depth=3");
     let held = all_held - held(&fewer).expect("bytes");
     if let (Some(more), Some(less)) = (peak(&all), peak(&fewer)) {
         println!("process {more} and {less}, holding {held} more");

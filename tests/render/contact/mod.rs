@@ -68,7 +68,7 @@ fn a_segment_is_stopped_by_faces_of_its_own_solid() {
                 "{name} by {kind:?}: bare segments"
             );
         }
-        let found = power(&format!("{HEAD}{objects}"), Light, 20_000);
+        let found = power(&format!("{HEAD}{objects}"), Light, 2_000);
         assert!(found.mean > 0.0, "{name}: refracted light arrives");
     }
 }
