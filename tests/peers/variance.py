@@ -5,6 +5,9 @@
     python3 -m venv target/variance && target/variance/bin/pip install -r tests/colour/requirements.txt
     target/variance/bin/python tests/peers/variance.py --base PROGRAM [--scenes mesh,motion] [--spp 16,64] [--seeds 4]
         [--modes off,auto] [--rows 150] [--variant NAME=OPTIONS]... [--work FOLDER] [--json FILE]
+    target/variance/bin/python tests/peers/variance.py --seconds 5,30 --seeds 16 --reference-spp 512 [--scenes ...] [--rows 75]
+
+The second form compares errors of `bdpt` and `path` after the same CPU seconds.
 
 PROGRAM is an older abbe to compare with (without it, this one under the balance heuristic is). Every variant renders every scene
 with the same seeds in turn, box filter, one thread. CPU time is the user time of the process less that of loading the scene, so
@@ -48,6 +51,12 @@ def luminances(path):
         return [channels[name].pixels.astype(float) for name in ("Y", "class0.Y")]
 
 
+def scene_file(scene):
+    """A scene of scenes/bench, or else of scenes."""
+    bench = ROOT / "scenes" / "bench" / f"{scene}.toml"
+    return bench if bench.exists() else ROOT / "scenes" / f"{scene}.toml"
+
+
 class Variant:
     def __init__(self, name, program, options):
         self.name, self.program, self.options = name, program, options
@@ -59,7 +68,7 @@ def render(variant, scene, mode, spp, seed, args, crop=None):
     note = args.work / f"{name}.seconds"
     if not note.exists() or crop:
         width, height = args.size[scene]
-        command = [variant.program, "render", ROOT / "scenes" / "bench" / f"{scene}.toml", "-o", out, "--seed", str(seed)]
+        command = [variant.program, "render", scene_file(scene), "-o", out, "--seed", str(seed)]
         command += ["--spp", str(spp), "--threads", "1", "-q", "--filter", "box", "--regularize", mode, "--no-preview"]
         command += ["--set", f"sensor.0.resolution=[{width}, {height}]", "--aov", DIRECT] + variant.options
         if crop:
@@ -69,9 +78,9 @@ def render(variant, scene, mode, spp, seed, args, crop=None):
 
 
 def size_of(scene, rows):
-    text = (ROOT / "scenes" / "bench" / f"{scene}.toml").read_text()
+    text = scene_file(scene).read_text()
     line = next(line for line in text.splitlines() if line.startswith("resolution"))
-    width, height = json.loads(line.split("=")[1])
+    width, height = json.loads(line.split("=")[1].split("#")[0])
     return round(width * rows / height), rows
 
 
@@ -87,6 +96,53 @@ def figures(images, reference, direct_reference, seconds):
     return [value * seconds for value in out], seconds
 
 
+def root_error(images, reference):
+    """Root of the mean relative square error of each image, without its worst thousandth of the pixels too."""
+    out = []
+    for image in images:
+        square = np.sort(((image - reference) ** 2 / (reference**2 + 0.01 * np.mean(reference) ** 2)).ravel())
+        out.append([np.sqrt(square.mean()), np.sqrt(square[: len(square) - max(1, len(square) // 1000)].mean())])
+    return np.array(out)
+
+
+def ratio_with_interval(ours, theirs, generator):
+    """Ratio of two root mean errors, with the 95 % interval of a bootstrap over seeds."""
+    def mean(values):
+        return np.sqrt((values**2).mean())
+    draws = [mean(generator.choice(ours, len(ours))) / mean(generator.choice(theirs, len(theirs))) for _ in range(4000)]
+    return [mean(ours) / mean(theirs), *np.quantile(draws, [0.025, 0.975])]
+
+
+def equal_times(args):
+    """Errors of `bdpt` over those of `path` after the same CPU seconds, seed by seed.
+
+    The reference is the mean of long renders by `bdpt` with other seeds, so it has the light that `path` does not find; passes of a
+    time are those of the rate that 64 passes have, so times are as good as that rate.
+    """
+    programs = [Variant("this", args.program, []), Variant("path", args.program, ["--integrator", "path"])]
+    generator = np.random.default_rng(1)
+    print(f"{'scene':26}{'s':>4}{'passes bdpt':>13}{'path':>8}{'s bdpt':>8}{'path':>7}   error bdpt / path (95 %), without .1 % of the pixels (95 %)")
+    found = []
+    for scene in args.scenes.split(","):
+        loading = min(render(programs[0], scene, "off", 1, 0, args, "0,0,1,1") for _ in range(2))
+        long = [render(programs[0], scene, "auto", args.reference_spp, seed, args)[0][0] for seed in range(101, 101 + args.references)]
+        reference = np.mean(long, axis=0)
+        rates = [max(render(v, scene, "auto", 64, 201, args)[1] - loading, 0.01) / 64 for v in programs]
+        for seconds in map(float, args.seconds.split(",")):
+            errors, spp, times = [], [], []
+            for variant, rate in zip(programs, rates):
+                passes = max(1, round(seconds / rate))
+                runs = [render(variant, scene, "auto", passes, seed, args) for seed in range(1, args.seeds + 1)]
+                errors.append(root_error([images[0] for images, _ in runs], reference))
+                times.append(np.median([s - loading for _, s in runs]))
+                spp.append(passes)
+            ratios = [ratio_with_interval(errors[0][:, i], errors[1][:, i], generator) for i in (0, 1)]
+            found.append(dict(scene=scene, seconds=seconds, passes=spp, times=times, ratios=ratios))
+            print(f"{scene:26}{seconds:4g}{spp[0]:13}{spp[1]:8}{times[0]:8.2f}{times[1]:7.2f}   "
+                  + "   ".join("{:.3f} ({:.3f} to {:.3f})".format(*r) for r in ratios), flush=True)
+    return found
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--program", default=ROOT / "target" / "release" / "abbe")
@@ -99,6 +155,9 @@ def main():
     parser.add_argument("--variant", action="append", default=[], help="NAME=OPTIONS or NAME@PROGRAM=OPTIONS")
     parser.add_argument("--work", type=pathlib.Path, default=ROOT / "target" / "variance" / "images")
     parser.add_argument("--json", type=pathlib.Path)
+    parser.add_argument("--seconds", help="CPU seconds after which errors of bdpt and path are compared")
+    parser.add_argument("--reference-spp", type=int, default=512)
+    parser.add_argument("--references", type=int, default=4, help="seeds of the reference")
     args = parser.parse_args()
     args.work.mkdir(parents=True, exist_ok=True)
     base = Variant("base", args.base, []) if args.base else Variant("base", args.program, ["--heuristic", "balance"])
@@ -108,8 +167,13 @@ def main():
         name, _, program = name.partition("@")
         variants.append(Variant(name, program or args.program, options.split()))
     args.size = {scene: size_of(scene, args.rows) for scene in args.scenes.split(",")}
+    if args.seconds:
+        found = equal_times(args)
+        if args.json:
+            args.json.write_text(json.dumps(found, indent=1))
+        return
     found = []
-    print(f"{'scene':18}{'mode':6}{'spp':>4} {'variant':9}{'CPU s':>7}  " + "".join(f"{'/base ' + f:>20}" for f in FIGURES)
+    print(f"{'scene':26}{'mode':6}{'spp':>4} {'variant':9}{'CPU s':>7}  " + "".join(f"{'/base ' + f:>20}" for f in FIGURES)
           + "".join(f"{'/path ' + f:>20}" for f in FIGURES))
     for scene in args.scenes.split(","):
         loading = min(render(variants[2], scene, "off", 1, 0, args, "0,0,1,1") for _ in range(2))
@@ -127,7 +191,7 @@ def main():
                 for name, (values, seconds) in rows.items():
                     ratios = [[v / o if o else float("nan") for v, o in zip(values, rows[other][0])] for other in ("base", "path")]
                     found.append(dict(scene=scene, mode=mode, spp=spp, variant=name, seconds=seconds, values=values, ratios=ratios))
-                    print(f"{scene:18}{mode:6}{spp:4} {name:9}{seconds:7.2f}  "
+                    print(f"{scene:26}{mode:6}{spp:4} {name:9}{seconds:7.2f}  "
                           + "".join(f"{r:20.3f}" for r in ratios[0] + ratios[1]), flush=True)
     if args.json:
         args.json.write_text(json.dumps(found, indent=1))

@@ -6,7 +6,7 @@
 //! would have been seen in its class.
 
 use super::harness::{Estimate, Measured, measure, scene, test_scale, with};
-use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path};
+use abbe::scene::settings::IntegratorKind::{Bdpt, Light, Path, Pssmlt};
 use abbe::scene::{Scene, Settings};
 use std::sync::Arc;
 
@@ -120,12 +120,39 @@ pub fn run(case: &Case) -> (Arc<Scene>, Settings, Measured) {
             assert_planted_error_is_seen(case, &other, &bdpt);
         }
     }
+    if std::env::var_os("ABBE_TEST_METROPOLIS").is_some() {
+        metropolis_agrees(case, (&scene, &settings), &bdpt);
+    }
     strategies_agree(
         case.name,
         &bdpt,
         scene.lights.iter().any(abbe::light::Light::is_delta),
     );
     (scene, settings, bdpt)
+}
+
+/// Metropolis sampling of the same samples has their mean. Chains of separate batches are
+/// independent, so the spread of batches is an honest error; it is larger, for their samples are
+/// not.
+fn metropolis_agrees(case: &Case, (scene, settings): (&Arc<Scene>, &Settings), bdpt: &Measured) {
+    let passes = case.passes[2] * test_scale();
+    let settings = with(settings, Pssmlt);
+    let found = measure(scene, &settings, case.batches, passes, case.classes);
+    compare(
+        case.name,
+        "pssmlt",
+        &found.y,
+        &bdpt.y,
+        4.0 * case.resolution,
+    );
+    for (class, (a, b)) in case
+        .classes
+        .iter()
+        .zip(found.classes.iter().zip(&bdpt.classes))
+    {
+        let what = format!("pssmlt {class}");
+        compare(case.name, &what, a, b, 40.0 * case.resolution);
+    }
 }
 
 /// Every strategy alone, unweighted, estimates the same number for a class.
