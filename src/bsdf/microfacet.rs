@@ -5,8 +5,9 @@
 //! sides of the surface are treated alike. Quotients by cosines are kept together: all functions
 //! stay finite at grazing angles.
 
+use crate::math::angle::sin_cos_turns;
 use glam::DVec3;
-use std::f64::consts::{FRAC_1_PI, TAU};
+use std::f64::consts::FRAC_1_PI;
 
 /// GGX with roughness along the two tangents.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,7 +61,7 @@ impl Ggx {
         let hemisphere_w = DVec3::new(ax * w.x, ay * w.y, w.z).normalize();
         let z = (1.0 - u[1]) * (1.0 + hemisphere_w.z) - hemisphere_w.z;
         let sin = (1.0 - z * z).max(0.0).sqrt();
-        let (sin_phi, cos_phi) = (TAU * u[0]).sin_cos();
+        let (sin_phi, cos_phi) = sin_cos_turns(u[0]);
         let h = DVec3::new(sin * cos_phi, sin * sin_phi, z) + hemisphere_w;
         DVec3::new(ax * h.x, ay * h.y, h.z.max(0.0)).normalize_or(DVec3::Z)
     }

@@ -116,11 +116,12 @@ pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats, scene: &
         .cpu_seconds
         .map_or_else(String::new, |s| format!(", {s:.2} s CPU"));
     _ = writeln!(text, "  time      {wall:.2} s{cpu}");
-    let (rays, rate) = (
-        stats.rays() as f64 * 1e-6,
-        stats.rays() as f64 * 1e-6 / wall.max(1e-9),
-    );
-    _ = writeln!(text, "  rays      {rays:.3} million, {rate:.3} million/s");
+    let millions = stats.rays() as f64 * 1e-6;
+    // those of detectors that are filled together are counted with the first
+    if millions > 0.0 {
+        let rate = millions / wall.max(1e-9);
+        _ = writeln!(text, "  rays      {millions:.3} million, {rate:.3} million/s");
+    }
     let error = stats.error.map_or_else(
         || "unknown".to_owned(),
         |e| {

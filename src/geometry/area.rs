@@ -9,9 +9,10 @@ use super::instance::to_world;
 use super::motion::Placement;
 use super::shape::LocalPoint;
 use super::{Instance, InstanceId, Moment, Shape, SurfacePoint};
+use crate::math::angle::sin_cos_turns;
 use crate::math::distribution::AliasTable;
 use glam::{DMat3, DVec2, DVec3};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// A point sampled on a shape by area.
@@ -63,7 +64,7 @@ impl Instance {
         }
         let steps = |n: u32| (0..n).map(move |i| (f64::from(i) + 0.5) / f64::from(n));
         let ring = |u: f64, z: f64| {
-            let (sin, cos) = (TAU * u).sin_cos();
+            let (sin, cos) = sin_cos_turns(u);
             let r = (1.0 - z * z).sqrt();
             DVec3::new(r * cos, r * sin, z)
         };
@@ -169,8 +170,10 @@ impl AreaSampler {
 
     /// A point in object space; `u_face` chooses the face, `u` the point on it.
     fn object_point(&self, shape: &Shape, u_face: f64, u: DVec2, time: f64) -> LocalPoint {
-        let (sin, cos) = (TAU * u.y).sin_cos();
-        let ring = |r: f64, z: f64| DVec3::new(r * cos, r * sin, z);
+        let ring = |r: f64, z: f64| {
+            let (sin, cos) = sin_cos_turns(u.y);
+            DVec3::new(r * cos, r * sin, z)
+        };
         let s = u.x.sqrt();
         let on_triangle = DVec2::new(s * (1.0 - u.y), s * u.y);
         let (prim, p) = match shape {
@@ -241,6 +244,7 @@ mod tests {
     use super::*;
     use crate::optics::{Aperture, LensSurface, Profile};
     use glam::{DAffine3, DQuat, dvec3};
+    use std::f64::consts::TAU;
     use std::sync::Arc;
 
     const ID: InstanceId = InstanceId(0);

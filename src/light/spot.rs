@@ -6,6 +6,7 @@
 
 use super::{DirectSample, EmissionSample, factor, placed_axis, unit_from_to};
 use crate::geometry::{DirectionalDensity, EndPoint, Placement};
+use crate::math::angle::sin_cos_turns;
 use crate::math::frame::Frame;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
@@ -127,7 +128,7 @@ impl SpotLight {
                 - self.soft_width() * self.falloff.invert(1.0 - (u - full) / soft)
         };
         let sin = (v * (2.0 - v)).max(0.0).sqrt();
-        let (y, x) = (TAU * u_dir.y).sin_cos();
+        let (y, x) = sin_cos_turns(u_dir.y);
         let axis = Frame::from_z(placed_axis(place));
         let direction = axis
             .to_outer(DVec3::new(sin * x, sin * y, 1.0 - v))

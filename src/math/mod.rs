@@ -1,5 +1,6 @@
 //! Geometry and statistics that know nothing of light.
 
+pub mod angle;
 pub mod banding;
 #[cfg(test)]
 pub(crate) mod chi_square;

@@ -4,8 +4,9 @@
 //! Invariant: each density is that of the warp beside it in the measure named; a warp and its
 //! inverse are inverse to each other but for rounding. Directions have their pole at +z.
 
+use super::angle::{sin_cos_eighth, sin_cos_turns};
 use glam::{DVec2, DVec3};
-use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, TAU};
+use std::f64::consts::{FRAC_1_PI, FRAC_PI_4, TAU};
 
 /// Density of [`disk`] per area: 1/π inside the unit disk.
 pub const DISK_PDF: f64 = FRAC_1_PI;
@@ -20,12 +21,13 @@ pub fn disk(u: [f64; 2]) -> DVec2 {
     if a == 0.0 && b == 0.0 {
         return DVec2::ZERO;
     }
-    let (r, phi) = if a.abs() > b.abs() {
-        (a, FRAC_PI_4 * (b / a))
+    if a.abs() > b.abs() {
+        let (sin, cos) = sin_cos_eighth(FRAC_PI_4 * (b / a));
+        DVec2::new(a * cos, a * sin)
     } else {
-        (b, FRAC_PI_2 - FRAC_PI_4 * (a / b))
-    };
-    DVec2::new(r * phi.cos(), r * phi.sin())
+        let (sin, cos) = sin_cos_eighth(FRAC_PI_4 * (a / b));
+        DVec2::new(b * sin, b * cos)
+    }
 }
 
 /// The point of the unit square that [`disk`] sends to `p`.
@@ -83,7 +85,7 @@ pub fn uniform_sphere_inverse(w: DVec3) -> [f64; 2] {
 pub fn uniform_cone(u: [f64; 2], one_minus_cos: f64) -> DVec3 {
     let below_pole = u[0] * one_minus_cos;
     let sin = (below_pole * (2.0 - below_pole)).max(0.0).sqrt();
-    let (sin_phi, cos_phi) = (TAU * u[1]).sin_cos();
+    let (sin_phi, cos_phi) = sin_cos_turns(u[1]);
     DVec3::new(sin * cos_phi, sin * sin_phi, 1.0 - below_pole)
 }
 

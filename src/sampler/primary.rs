@@ -9,11 +9,12 @@
 use super::{Draw, Sampler};
 use crate::math::hash::{combine, random_bits, unit_f64};
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
 use std::mem;
 
-/// Largest small step of a number; the least is 1/1024 (Kelemen et al.).
-const LARGEST_STEP: f64 = 1.0 / 64.0;
+/// Least lengths of small steps of a number; the largest length is 1/64 (Kelemen et al.).
+const OCTAVES: [f64; 4] = [1.0 / 128.0, 1.0 / 256.0, 1.0 / 512.0, 1.0 / 1024.0];
 
 /// Name of numbers: a draw, or what has a sequence of its own.
 #[derive(Clone, Copy, Debug)]
@@ -68,6 +69,24 @@ struct Numbers {
     steps: usize,
 }
 
+/// Hash of a place, which is one already.
+#[derive(Clone, Copy, Debug, Default)]
+struct PlaceHasher(u64);
+
+impl Hasher for PlaceHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|&b| self.write_u64(b.into()));
+    }
+
+    fn write_u64(&mut self, place: u64) {
+        self.0 = self.0.rotate_left(8) ^ place;
+    }
+}
+
 /// Point of primary sample space, and a step from it that is tried.
 #[derive(Debug)]
 pub struct Primary {
@@ -76,8 +95,8 @@ pub struct Primary {
     /// Keys of the small steps accepted since the origin.
     steps: Vec<u64>,
     trial: Trial,
-    /// By light sub-path and name.
-    numbers: RefCell<BTreeMap<(u32, u64), Numbers>>,
+    /// By the hash of light sub-path and name that their steps are made of too.
+    numbers: RefCell<HashMap<u64, Numbers, BuildHasherDefault<PlaceHasher>>>,
 }
 
 impl Primary {
@@ -180,13 +199,10 @@ impl Primary {
             return fresh(key, place);
         }
         let mut remembered = self.numbers.borrow_mut();
-        let Numbers { values, steps } =
-            remembered
-                .entry((path, name.code()))
-                .or_insert_with(|| Numbers {
-                    values: self.at_origin(path, name, place),
-                    steps: 0,
-                });
+        let Numbers { values, steps } = remembered.entry(place).or_insert_with(|| Numbers {
+            values: self.at_origin(path, name, place),
+            steps: 0,
+        });
         for key in &self.steps[*steps..] {
             *values = stepped(*values, *key, place);
         }
@@ -236,7 +252,7 @@ fn stepped(mut values: [f64; 4], key: u64, place: u64) -> [f64; 4] {
     for (i, value) in values.iter_mut().enumerate() {
         let bits = random_bits(key, i as u64);
         // the lowest bits are none of those of the number
-        let octave = LARGEST_STEP / f64::from(2 << (bits & 3));
+        let octave = OCTAVES[(bits & 3) as usize];
         let length = octave * (1.0 + unit_f64(bits));
         let to = if bits & 4 == 0 {
             *value + length

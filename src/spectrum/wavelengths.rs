@@ -68,20 +68,13 @@ struct Piece {
     /// Cumulative probability before the piece.
     before: f64,
     probability: f64,
+    /// Probability of an atom, density per nanometer of a cell.
+    density: f64,
 }
 
 impl Piece {
     fn is_atom(&self) -> bool {
         self.low_nm == self.high_nm
-    }
-
-    /// Probability of an atom, density per nanometer of a cell.
-    fn density(&self) -> f64 {
-        if self.is_atom() {
-            self.probability
-        } else {
-            self.probability / (self.high_nm - self.low_nm)
-        }
     }
 }
 
@@ -299,12 +292,18 @@ impl WavelengthDistribution {
                 high_nm,
                 before: total,
                 probability,
+                density: 0.0,
             });
             total += probability;
         }
         for piece in &mut pieces {
             piece.before /= total;
             piece.probability /= total;
+            piece.density = if piece.is_atom() {
+                piece.probability
+            } else {
+                piece.probability / (piece.high_nm - piece.low_nm)
+            };
         }
         let guide = (0..GUIDE)
             .map(|i| {
@@ -337,7 +336,7 @@ impl WavelengthDistribution {
                 rotated
             };
             let piece = self.piece_at(rotated);
-            out.pdf[lane] = piece.density();
+            out.pdf[lane] = piece.density;
             out.lambda_nm[lane] = if piece.is_atom() {
                 out.atoms |= 1 << lane;
                 piece.low_nm
@@ -368,7 +367,7 @@ impl WavelengthDistribution {
         let found = candidates
             .filter(|p| lambda_nm <= p.high_nm)
             .min_by_key(|p| !p.is_atom());
-        found.map_or(0.0, Piece::density)
+        found.map_or(0.0, |p| p.density)
     }
 
     /// The atoms by wavelength: nanometers and probability.

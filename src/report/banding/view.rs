@@ -75,6 +75,14 @@ fn text(spread: Spread, digits: usize) -> String {
     }
 }
 
+/// The same where values may be of any size.
+fn scientific(spread: Spread) -> String {
+    match spread.error {
+        Some(e) => format!("{:.2e} ± {e:.0e}", spread.mean),
+        None => format!("{:.2e}", spread.mean),
+    }
+}
+
 impl Findings {
     /// The images of the first seed side by side, one line for each number of passes, as size and
     /// PNG.
@@ -115,7 +123,7 @@ impl Findings {
                 row.spread(|m| m.passes as f64).mean,
                 row.spread(|m| m.seconds).mean,
                 text(row.coherent(), 4),
-                text(row.spread(|m| m.rel_mse), 4),
+                scientific(row.spread(|m| m.rel_mse)),
                 row.wavelengths().0,
             );
         }
@@ -164,7 +172,7 @@ impl Findings {
                 text(row.f_ratio(2), 2),
                 text(row.coherent(), 4),
                 share,
-                text(row.spread(|m| m.rel_mse), 4),
+                scientific(row.spread(|m| m.rel_mse)),
                 count,
                 gap,
             ];
