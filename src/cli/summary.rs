@@ -120,7 +120,10 @@ pub fn sensor(image: &Path, preview: Option<&str>, stats: &SensorStats, scene: &
     // those of detectors that are filled together are counted with the first
     if millions > 0.0 {
         let rate = millions / wall.max(1e-9);
-        _ = writeln!(text, "  rays      {millions:.3} million, {rate:.3} million/s");
+        _ = writeln!(
+            text,
+            "  rays      {millions:.3} million, {rate:.3} million/s"
+        );
     }
     let error = stats.error.map_or_else(
         || "unknown".to_owned(),

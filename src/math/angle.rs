@@ -6,8 +6,8 @@
 
 use std::f64::consts::TAU;
 
-/// Sine and cosine of an angle of at most an eighth of a turn: `radians` in [-π/4, π/4]. Each within
-/// one unit in the last place.
+/// Sine and cosine of an angle of at most an eighth of a turn: `radians` in [-π/4, π/4]. Each
+/// within one unit in the last place.
 #[must_use]
 pub fn sin_cos_eighth(radians: f64) -> (f64, f64) {
     let x = radians;
