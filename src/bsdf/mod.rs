@@ -253,6 +253,25 @@ impl Bsdf<'_> {
         self.sample_non_specular(given, w, generate)
     }
 
+    /// The direction of a specular label that is taken whatever its probability: density 1 from
+    /// both sides, with the reflectance or transmittance as weight. `None` where there is no such
+    /// direction, or no light goes there.
+    #[must_use]
+    pub fn sample_label(&self, given: DVec3, label: Label) -> Option<BsdfSample> {
+        let (cos, above) = (given.z.abs(), given.z > 0.0);
+        let has = |lobe: &&Lobe| {
+            lobe.is_specular() && lobe.label_probability(label, cos, above, &self.interface) > 0.0
+        };
+        let lobe = self.lobes.iter().map(|(_, lobe)| lobe).find(has)?;
+        let sample = self.sample_specular(lobe, label, given)?;
+        Some(BsdfSample {
+            weight: self.specular(label, cos, above),
+            pdf: 1.0,
+            pdf_reverse: 1.0,
+            ..sample
+        })
+    }
+
     /// The lobe that `u` falls on, and `u` stretched over it again, below 1.
     fn choose_lobe(&self, u: f64) -> Option<(&Lobe, f64)> {
         let mut rest = u * self.total_weight();

@@ -244,6 +244,7 @@ fn to_text(loaded: &Loaded) -> String {
         }
         text.push('\n');
     }
+    text += &sequences_text(scene);
     text += &summary::effects(&effects(loaded));
     text += &chains(loaded);
     let ((films, saving), meshes) = (films_bytes(loaded), geometry_bytes(scene));
@@ -258,6 +259,28 @@ fn to_text(loaded: &Loaded) -> String {
         bytes_text(texture_bytes(scene)),
         counted(images.len() as u64, "image", "images")
     );
+    text
+}
+
+/// Most sequences listed in the text.
+const MOST_SEQUENCES: usize = 20;
+
+/// Sequences that paths are held to, the first few of them.
+fn sequences_text(scene: &Scene) -> String {
+    let Some(sequences) = &scene.sequences else {
+        return String::new();
+    };
+    let all = sequences.all();
+    let mut text = format!(
+        "sequences\n  {}, each with the same share of the samples\n",
+        counted(all.len() as u64, "sequence", "sequences")
+    );
+    for sequence in all.iter().take(MOST_SEQUENCES) {
+        _ = writeln!(text, "  {}", sequence.expression());
+    }
+    if all.len() > MOST_SEQUENCES {
+        _ = writeln!(text, "  and {} more", all.len() - MOST_SEQUENCES);
+    }
     text
 }
 
@@ -327,6 +350,9 @@ fn to_json(loaded: &Loaded) -> Value {
         "motion": motion.collect::<Vec<_>>(),
         "contacts": contacts(scene).collect::<Vec<_>>(),
         "media": media.collect::<Vec<_>>(),
+        "sequences": scene.sequences.as_ref().map(|sequences| {
+            sequences.all().iter().map(|s| s.expression()).collect::<Vec<_>>()
+        }),
         "effects": effects(loaded),
         "memory_bytes": {
             "films": films,

@@ -15,7 +15,7 @@ use crate::scene::{Scene, Settings};
 use crate::spectrum::{LaneResponse, SampledSpectrum, SensorResponse};
 use crate::transport::aim::tries::Origin;
 use crate::transport::connect::{AimTally, Joiner, Photons, Receiver, Scratch};
-use crate::transport::context::SharedSample;
+use crate::transport::context::{Held, SharedSample};
 use crate::transport::strategies::Merge;
 use crate::transport::subpath::{Event, Vertex};
 use crate::transport::walk::{Start, walk};
@@ -150,6 +150,16 @@ impl<'a> SensorJob<'a> {
         sampler.wavelength(pixel, (size.width, size.height), self.settings.seed)
     }
 
+    /// The number of the sequence that a pixel's sample is held to.
+    fn sequence_number(&self, sampler: &Sampler, pixel: (u32, u32)) -> f64 {
+        if self.settings.integrator.runs_chains() {
+            // a chain goes on from the numbers of an ordinary sample
+            return sampler.set(Draw::Sequence)[0];
+        }
+        let size = self.scene.sensors[self.sensor].camera.resolution();
+        sampler.choice(pixel, (size.width, size.height), self.settings.seed)
+    }
+
     /// The sample of a pixel in a pass as a point from which a Markov chain over the pixels of
     /// `crop` goes on.
     #[must_use]
@@ -275,6 +285,10 @@ pub(super) fn begin<'a>(
         sensor.shutter.open_s
     };
     media.update(scene, &wavelengths);
+    let held = scene.sequences.as_ref().map(|sequences| Held {
+        sequence: sequences.draw(job.sequence_number(sampler, pixel)),
+        weight: sequences.all().len() as f64,
+    });
     PathContext {
         scene: scene.at(time, placements),
         sensor: job.sensor,
@@ -282,6 +296,7 @@ pub(super) fn begin<'a>(
         media,
         response: response.at(&wavelengths),
         wavelengths,
+        held,
     }
 }
 

@@ -99,7 +99,8 @@ pub fn aims(settings: &Settings, scene: &Scene, sensor: usize) -> Aims {
     };
     // a chain from a point of a detector would land elsewhere than on that point's pixel
     let is_far = scene.sensors[sensor].camera.far_field().is_some();
-    if !is_on || is_far || scene.chains().kinds().is_empty() {
+    // a chain is drawn by its surfaces, whatever sequence the sample has
+    if !is_on || is_far || scene.sequences.is_some() || scene.chains().kinds().is_empty() {
         return Aims::NONE;
     }
     let camera = &scene.sensors[sensor].camera.kind;

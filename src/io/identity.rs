@@ -233,6 +233,9 @@ pub const PIXEL_ASPECT: &str = "pixelAspectRatio";
 
 /// Attribute with the width and height of a detector's pixels.
 pub const PIXEL_PITCH: &str = "pixelPitch";
+    if let Some(sequences) = &scene.sequences {
+        values.push(("sequences", sequences.source().to_owned()));
+    }
 
 /// Attribute with the width and height of the pixels of a film over directions.
 pub const PIXEL_ANGLE: &str = "pixelAngle";

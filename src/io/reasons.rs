@@ -11,6 +11,7 @@ impl Display for Decision {
         match &self.reason {
             Reason::NoConnections => f.write_str("the integrator makes no connections"),
             Reason::SwitchedOff => f.write_str("switched off"),
+            Reason::Sequences => f.write_str("paths are held to sequences of surfaces"),
             Reason::NothingSpecular => f.write_str("no surface is a mirror or smooth glass"),
             Reason::AskedFor => f.write_str(match self.mode {
                 Some(Mode::Single(_)) => "asked for, only where nothing else makes a path",

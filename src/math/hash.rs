@@ -21,6 +21,33 @@ pub const fn random_bits(key: u64, counter: u64) -> u64 {
     mix64(key.wrapping_add(counter.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
 }
 
+/// Place of `i` in a random permutation of 0..`n`, one for each key: a bijection of the numbers of
+/// as many bits, again and again until it leads into the range (Black and Rogaway 2002). `i < n`.
+#[must_use]
+pub fn permuted(i: u64, n: u64, key: u64) -> u64 {
+    debug_assert!(i < n && n <= 1 << 62);
+    let bits = u64::BITS - n.saturating_sub(1).leading_zeros();
+    if bits == 0 {
+        return 0;
+    }
+    let mask = u64::MAX >> (u64::BITS - bits);
+    // odd factors, sums and shifts to the right are bijections of so many bits
+    let shift = bits.div_ceil(2);
+    let mut x = i;
+    loop {
+        for round in 0..4 {
+            let word = random_bits(key, round);
+            x = x.wrapping_add(word) & mask;
+            x ^= x >> shift;
+            x = x.wrapping_mul(word >> 32 | 1) & mask;
+            x ^= x >> shift;
+        }
+        if x < n {
+            return x;
+        }
+    }
+}
+
 /// The top 53 of 64 random bits as a number in [0, 1).
 #[must_use]
 pub fn unit_f64(bits: u64) -> f64 {

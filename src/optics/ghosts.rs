@@ -5,6 +5,7 @@ use super::analysis::{Beams, kept, pupil_rings};
 use super::prescription::{Interaction, Prescription};
 use super::trace::{Passage, System};
 use glam::DVec2;
+use std::fmt::Write;
 
 /// Light of one field and wavelength that is reflected twice.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +44,25 @@ pub fn route(prescription: &Prescription, [first, second]: [usize; 2]) -> Vec<Pa
         .chain([reflected(second, true)])
         .chain(again)
         .collect()
+}
+
+/// The way of a ghost as the sequence of surfaces that a render is held to, and as the expression
+/// over path classes that chooses it: `L T(1) R(2) R(1) T(2) E`, surfaces counted from 1. Those
+/// that light passes as if they were not there are left out.
+#[must_use]
+pub fn expression(prescription: &Prescription, pair: [usize; 2]) -> String {
+    let mut text = "L".to_owned();
+    for passage in route(prescription, pair) {
+        let i = passage.surface;
+        let surface = &prescription.surfaces[i];
+        let is_mirror = surface.interaction == Interaction::Reflect;
+        let bends = prescription.medium_before(i).ior != surface.medium.ior;
+        if i <= prescription.last() && (is_mirror || bends) {
+            let letter = if passage.reflects { 'R' } else { 'T' };
+            _ = write!(text, " {letter}({})", i + 1);
+        }
+    }
+    text + " E"
 }
 
 /// All ghosts of two reflections of a field, the most powerful first; the rays are those of
@@ -148,6 +168,7 @@ mod tests {
         assert_eq!(all.len(), 1);
         let ghost = all[0];
         assert_eq!(ghost.surfaces, [1, 0]);
+        assert_eq!(expression(&lens, ghost.surfaces), "L T(1) R(2) R(1) T(2) E");
         assert!(ghost.rays == 1.0);
         let sin = degrees.to_radians().sin();
         let (cos, cos_inside) = ((1.0 - sin * sin).sqrt(), (1.0 - (sin / 1.8).powi(2)).sqrt());

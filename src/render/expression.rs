@@ -9,6 +9,7 @@
 
 use crate::bsdf::Label;
 use crate::scene::Scene;
+use crate::scene::sequence::SurfaceName;
 use crate::transport::class::PathClass;
 use crate::transport::subpath::Event;
 use regex::Regex;
@@ -217,31 +218,13 @@ fn translate(source: &str, scene: Option<&Scene>) -> Result<String, String> {
 
 /// Class of the symbols of the objects that a name means.
 fn surfaces(name: &str, scene: Option<&Scene>) -> Result<String, String> {
-    let quoted = name.strip_prefix('"').and_then(|n| n.strip_suffix('"'));
-    let number = name.bytes().all(|b| b.is_ascii_digit());
-    let suffix = format!(": surface {name}");
-    let is_it = |object: &str| match quoted {
-        Some(quoted) => object == quoted,
-        None => object.ends_with(&suffix),
-    };
-    if quoted.is_none() && !number {
-        return Err(format!(
-            "`{name}` names no surface: expected its number in the lens, or the name of an object in quotation marks"
-        ));
-    }
+    let name = SurfaceName::new(name)?;
     let Some(scene) = scene else {
         return Ok("[!]".to_owned());
     };
-    let objects = scene.objects.iter().enumerate();
-    let symbols = objects
-        .filter(|(_, o)| is_it(&o.name))
-        .map(|(i, _)| symbol(i));
-    let symbols: String = symbols.collect();
-    match (symbols.is_empty(), quoted) {
-        (false, _) => Ok(format!("[{symbols}]")),
-        (true, Some(_)) => Err(format!("there is no object {name}")),
-        (true, None) => Err(format!("no lens of the scene has a surface {name}")),
-    }
+    let found = name.find(scene.objects.iter().map(|object| object.name.as_str()))?;
+    let symbols: String = found.into_iter().map(symbol).collect();
+    Ok(format!("[{symbols}]"))
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ pub mod primary;
 
 pub use primary::{Pixels, Primary};
 
-use crate::math::hash::{combine, random_bits, unit_f64};
+use crate::math::hash::{combine, permuted, random_bits, unit_f64};
 use primary::Name;
 use sobol_burley::parts::owen_scramble_rev;
 
@@ -59,6 +59,8 @@ pub enum Draw {
     /// Which kinds of chains are tried from camera vertex j (2 j) and from light vertex i - 1
     /// (2 i + 1; 1: the start of the light sub-path).
     AimTries(usize),
+    /// The sequence of surfaces that the sample's paths are held to, of Markov chains.
+    Sequence,
 }
 
 /// Draws of a kind that are stratified over the passes: the first so many vertices.
@@ -110,6 +112,7 @@ impl Draw {
             Self::AimLight(j) => alone(9, j as u64, j < STRATIFIED),
             Self::AimLens(i) => alone(10, i as u64, i < STRATIFIED),
             Self::AimTries(i) => alone(11, i as u64, false),
+            Self::Sequence => alone(12, 0, true),
         }
     }
 }
@@ -185,6 +188,25 @@ impl Sampler<'_> {
         let stratum = owen_scramble_rev(digits, common as u32).reverse_bits();
         // the hash fills the bits that the net leaves
         (f64::from(stratum) + unit_f64(random_bits(self.key, u64::MAX))) * (1.0 / 4_294_967_296.0)
+    }
+
+    /// The number by which a pixel's sample chooses among a few things, in [0, 1): over the pixels
+    /// of a film of `size` columns and rows, every pass has one in each of as many strata, at
+    /// random places. Points of Markov chains have their own.
+    #[must_use]
+    pub fn choice(&self, pixel: (u32, u32), size: (u32, u32), seed: u64) -> f64 {
+        if self.primary.is_some() {
+            return self.set(Draw::Sequence)[0];
+        }
+        let pixels = u64::from(size.0) * u64::from(size.1);
+        let rank = u64::from(pixel.1) * u64::from(size.0) + u64::from(pixel.0);
+        let common = combine(combine(seed, 0x5345_5155), u64::from(self.pass));
+        let place = permuted(rank, pixels, common) as f64;
+        let shift = unit_f64(random_bits(common, u64::MAX));
+        // rounding must not lead to 1
+        (place / pixels as f64 + shift)
+            .fract()
+            .min(1.0 - f64::EPSILON)
     }
 
     /// The number of the moment in the shutter, in [0, 1).
@@ -312,7 +334,12 @@ mod tests {
 
     /// Every draw of sub-paths of up to 40 vertices.
     fn draws() -> Vec<Draw> {
-        let mut all = vec![Draw::Film, Draw::LightStart, Draw::LightDirection];
+        let mut all = vec![
+            Draw::Film,
+            Draw::LightStart,
+            Draw::LightDirection,
+            Draw::Sequence,
+        ];
         for i in 0..40 {
             all.extend([
                 Draw::Camera(i),
@@ -344,6 +371,30 @@ mod tests {
             numbers.extend(sampler.set(draw).map(f64::to_bits));
         }
         assert_eq!(numbers.len(), 4 * all.len());
+    }
+
+    #[test]
+    fn choices_of_a_pass_have_equal_shares() {
+        let size = (13, 7);
+        let pixels = || (0..7).flat_map(|y| (0..13).map(move |x| (x, y)));
+        for (seed, pass) in [(1, 0), (1, 1), (77, 5)] {
+            let mut strata = vec![0; 91];
+            for (x, y) in pixels() {
+                let rank = u64::from(y * 13 + x);
+                let u = Sampler::new(seed, 0, rank, pass).choice((x, y), size, seed);
+                assert!((0.0..1.0).contains(&u));
+                // strata from the number of the first pixel on
+                let first = Sampler::new(seed, 0, 0, pass).choice((0, 0), size, seed);
+                strata[((u - first).rem_euclid(1.0) * 91.0).round() as usize % 91] += 1;
+            }
+            assert!(strata.iter().all(|n| *n == 1), "{strata:?}");
+        }
+        // of one pixel over passes, halves are as likely as not: 5 standard deviations
+        let low = (0..4000).filter(|&pass| {
+            let sampler = Sampler::new(3, 0, 40, pass);
+            sampler.choice((1, 3), size, 3) < 0.5
+        });
+        assert!((low.count() as f64 - 2000.0).abs() < 5.0 * 31.6);
     }
 
     #[test]

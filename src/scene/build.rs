@@ -252,6 +252,7 @@ impl Scene {
             media: description.media,
             wavelength_settings: description.wavelengths,
             polarization: description.polarization,
+            sequences: description.sequences,
             lights,
             light_names,
             light_stacks,

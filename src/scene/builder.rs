@@ -12,7 +12,7 @@ use super::description::{
     LightDescription, ObjectDescription, SceneDescription, SensorDescription, WavelengthChoice,
     WavelengthSettings,
 };
-use super::{BuildError, Scene};
+use super::{BuildError, Scene, Sequences};
 use crate::camera::Camera;
 use crate::film::Filter;
 use crate::geometry::{Shape, Shutter, Transform};
@@ -86,6 +86,7 @@ impl SceneBuilder {
                     range_nm: RANGE_NM,
                 },
                 polarization: Polarization::Average,
+                sequences: None,
                 ambient: MediumId::AMBIENT,
                 hash: 0,
             },
@@ -182,6 +183,17 @@ impl SceneBuilder {
     /// Polarization that smooth surfaces are computed for: unpolarized light unless told otherwise.
     pub fn polarization(&mut self, polarization: Polarization) {
         self.description.polarization = polarization;
+    }
+
+    /// Holds all paths to sequences of surfaces, such as `L T("front") R("back") R("front")
+    /// T("back") E`, over the objects added so far.
+    ///
+    /// # Errors
+    /// Fault, in words: see [`Sequences::listed`].
+    pub fn sequences(&mut self, expressions: &[&str]) -> Result<(), String> {
+        let sequences = Sequences::listed(expressions, &self.description.objects)?;
+        self.description.sequences = Some(sequences);
+        Ok(())
     }
 
     /// Name by which parts of renders are known to be of the same scene. Without one, it is the

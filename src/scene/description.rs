@@ -1,6 +1,7 @@
 //! Scene description: what a scene file says, with names resolved; the input of construction.
 
 use super::Subject;
+use super::sequence::Sequences;
 use crate::camera::Camera;
 use crate::film::Filter;
 use crate::geometry::{Shape, Shutter, Transform};
@@ -104,6 +105,9 @@ pub struct SceneDescription {
     pub wavelengths: WavelengthSettings,
     /// Polarization that smooth surfaces are computed for.
     pub polarization: Polarization,
+    /// Sequences of surfaces that all paths are held to, by the objects above; `None`: they are
+    /// not.
+    pub sequences: Option<Sequences>,
     /// Medium id of the ambient medium (always 0).
     pub ambient: MediumId,
     /// Hash of the scene file and all files it refers to.

@@ -13,6 +13,7 @@ pub mod lens;
 pub mod moving;
 pub mod probe;
 pub mod regularization;
+pub mod sequence;
 pub mod settings;
 
 pub use at::SceneAt;
@@ -20,6 +21,7 @@ pub use build::{BuildError, Subject};
 pub use builder::{SceneBuilder, SceneBuilderError};
 pub use description::{SceneDescription, WavelengthSettings};
 pub use lens::{LensAssembly, LensBuildError};
+pub use sequence::Sequences;
 pub use settings::Settings;
 
 use crate::bsdf::albedo::AlbedoTables;
@@ -153,6 +155,8 @@ pub struct Scene {
     pub has_coatings: bool,
     /// Polarization that smooth surfaces are computed for.
     pub polarization: Polarization,
+    /// Sequences of surfaces that all paths are held to, if they are.
+    pub sequences: Option<Sequences>,
     /// Surfaces that touch, or may touch.
     pub contacts: Vec<Contact>,
     /// Notes on what was put right when the scene was built.

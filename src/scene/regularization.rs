@@ -41,6 +41,8 @@ pub enum Reason {
     NoConnections,
     /// Switched off.
     SwitchedOff,
+    /// Paths are held to sequences of surfaces.
+    Sequences,
     /// No surface is a mirror or smooth glass.
     NothingSpecular,
     /// Asked for, by [`Mode`].
@@ -77,6 +79,9 @@ pub fn decide(scene: &Scene, sensor: usize, settings: &Settings) -> Decision {
     }
     if regularization.mode == Regularize::Off {
         return off(Reason::SwitchedOff);
+    }
+    if scene.sequences.is_some() {
+        return off(Reason::Sequences);
     }
     let specular = |o: &&Object| scene.material(o.material).has_specular() && o.sensor.is_none();
     let Some(object) = scene.objects.iter().find(specular) else {

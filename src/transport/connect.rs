@@ -142,6 +142,14 @@ impl<'a> Joiner<'a> {
     ) {
         let mut aimed;
         let mut view = &candidate.view;
+        let mut scale = numerator.scale;
+        if let Some(held) = self.context.held {
+            let vertex = |i| (view.label(i + 1), candidate.trail.surface(i + 1));
+            if !held.sequence.holds(view.len().saturating_sub(2), vertex) {
+                return;
+            }
+            scale *= held.weight;
+        }
         if self.strategies.aims.any() {
             aimed = *view;
             let (kind, trail) = (&self.light(aimed.emitter).kind, &candidate.trail);
@@ -182,7 +190,7 @@ impl<'a> Joiner<'a> {
         }
         let mut lanes = [0.0; MAX_LANES];
         for (j, lane) in lanes.iter_mut().enumerate().take(count) {
-            let value = numerator.scale * f64::from(numerator.lanes[j]);
+            let value = scale * f64::from(numerator.lanes[j]);
             if value != 0.0 {
                 *lane = value * weights.factor(j);
             }
@@ -229,7 +237,7 @@ impl<'a> Joiner<'a> {
         let events = self.note_events(view, &candidate.trail);
         let raw = if self.with_raw {
             let shared = serves_all_lanes(view, view.dispersive_count(), made);
-            let value = |j| numerator.scale * f64::from(numerator.lanes[j]);
+            let value = |j| scale * f64::from(numerator.lanes[j]);
             self.raw(value, multipliers.plain(made), shared, survival)
         } else {
             [0.0; MAX_LANES]

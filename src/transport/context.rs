@@ -5,6 +5,7 @@ use crate::bsdf::{CoatingLanes, Interface};
 use crate::geometry::{EndPoint, InstanceId, Moment, Ray};
 use crate::light::LightId;
 use crate::medium::{MediumId, MediumLanes, MediumStack};
+use crate::scene::sequence::Sequence;
 use crate::scene::{Scene, SceneAt};
 use crate::spectrum::{LaneResponse, SampledSpectrum, SampledWavelengths};
 use glam::DVec3;
@@ -160,6 +161,15 @@ impl MediaLanes {
     }
 }
 
+/// The sequence of surfaces that the paths of a sample are held to.
+#[derive(Clone, Copy, Debug)]
+pub struct Held<'a> {
+    /// The sequence.
+    pub sequence: &'a Sequence,
+    /// Inverse of the probability with which it was drawn.
+    pub weight: f64,
+}
+
 /// Shared state of one path pair.
 #[derive(Debug)]
 pub struct PathContext<'a> {
@@ -175,6 +185,8 @@ pub struct PathContext<'a> {
     pub wavelengths: SampledWavelengths,
     /// Response of the sensor's channels to each lane.
     pub response: LaneResponse,
+    /// The sequence that its paths are held to, if they are.
+    pub held: Option<Held<'a>>,
 }
 
 impl<'a> PathContext<'a> {

@@ -137,6 +137,14 @@ impl Scatterer<'_> {
         let w = self.frame.to_outer(sample.w);
         Some((sample, w))
     }
+
+    /// The same for a specular label that is given: [`Bsdf::sample_label`].
+    #[must_use]
+    pub fn sample_label(&self, given: DVec3, label: Label) -> Option<(BsdfSample, DVec3)> {
+        let sample = self.bsdf.sample_label(self.frame.to_local(given), label)?;
+        let w = self.frame.to_outer(sample.w);
+        Some((sample, w))
+    }
 }
 
 /// A camera sub-path's arrival at a surface that emits.

@@ -169,6 +169,22 @@ pub fn walk(
         if path.vertices.len() >= max_vertices {
             return;
         }
+        let index = path.vertices.len();
+        let step = context.held.and_then(|h| h.sequence.step(generate, index));
+        if let Some(held) = context.held {
+            let goes_on = match step {
+                Some(step) => step.is_on(point.id.instance),
+                // behind all of its sequence a camera sub-path may have arrived at a light
+                None => {
+                    index == held.sequence.count()
+                        && generate == Side::Light
+                        && object.light.is_some()
+                }
+            };
+            if !goes_on {
+                return;
+            }
+        }
 
         throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
         let geometric_cos = ray.d.dot(point.ng).abs();
@@ -184,7 +200,6 @@ pub fn walk(
             stacks.reverse();
         }
         let point = scene.shading_point(point);
-        let index = path.vertices.len();
         if let (Some(light), Side::Light) = (object.light, generate) {
             path.light_hits.push(LightHit {
                 vertex: index,
@@ -232,7 +247,12 @@ pub fn walk(
         let given = vertex.toward_previous;
         let [u_label, u_x, u_y, _] = numbers;
         let scatterer = path.scatterer(index, context);
-        let Some((sample, w)) = scatterer.sample(given, generate, [u_label, u_x, u_y]) else {
+        let sampled = match (step, context.held) {
+            (Some(step), _) => scatterer.sample_label(given, step.label),
+            (None, Some(_)) => None,
+            (None, None) => scatterer.sample(given, generate, [u_label, u_x, u_y]),
+        };
+        let Some((sample, w)) = sampled else {
             return;
         };
         if !vertex.sides_agree(w) {
@@ -248,7 +268,9 @@ pub fn walk(
         if specular_only && !sample.label.is_specular() {
             return;
         }
-        let survival = survival(index, throughput.max_lane(context.count()) / reference);
+        // what is held to a sequence ends with it, however faint
+        let played = if step.is_some() { 0 } else { index };
+        let survival = survival(played, throughput.max_lane(context.count()) / reference);
         if numbers[3] >= survival {
             return;
         }

@@ -188,6 +188,79 @@ fn spots_are_measured_line_by_line() {
         x(0).abs() < x(1).abs() && number(0, "rms") < number(1, "rms"),
         "{found:#}"
     );
+/// Held to the ghost of the lens, detectors get nothing else; images, parts and `info` say so.
+#[test]
+fn paths_are_held_to_sequences() {
+    let dir = bench();
+    let ghost = "LT(1)R(2)R(1)T(2)E";
+    let options = "--together --aov direct,ghosts -q";
+    for (sequence, name) in [(ghost, "named"), ("ghosts", "all")] {
+        let arguments = format!("render bench.toml --sequence {sequence} {options} -o {name}.exr");
+        succeed(dir.path(), &arguments);
+    }
+    // the only pair there is, by the same random numbers
+    for film in ["near", "far"] {
+        let read = |name: &str| {
+            exr::read(&dir.path().join(format!("{name}.{film}.exr"))).expect("an image")
+        };
+        let [named, all] = ["named", "all"].map(read);
+        let value = |of: &str| match named.metadata.get(of) {
+            Some(MetadataValue::Text(text)) => text.clone(),
+            other => panic!("{of}: {other:?}"),
+        };
+        assert_eq!(value("sequences"), ghost);
+        let power = |of: &str| {
+            value(of)
+                .split(' ')
+                .next()
+                .and_then(|n| n.parse::<f64>().ok())
+        };
+        assert!(power("flux") > Some(0.0) && power("flux") == power("flux:class1"));
+        assert_eq!(power("flux:class0"), Some(0.0));
+        let values = [&named, &all].map(|image| image.xyz().expect("XYZ"));
+        assert_eq!(values[0], values[1]);
+    }
+    let info = "info bench.toml --set render.sequences=ghosts";
+    let told = succeed(dir.path(), info);
+    let expected = "sequences\n  1 sequence, each with the same share of the samples\n  L T(1) R(2) R(1) T(2) E\n";
+    assert!(told.contains(expected), "{told}");
+    let told = json(&succeed(dir.path(), &format!("{info} --json")));
+    assert_eq!(told["sequences"][0], "L T(1) R(2) R(1) T(2) E");
+    // parts of all paths do not go on with some
+    let part = "--passes 0..1 --sensor far --part a.part -q --no-preview";
+    succeed(dir.path(), &format!("render bench.toml {part}"));
+    for (arguments, code, message) in [
+        (format!("{part} --resume --sequence {ghost}"), 1, "a.part"),
+        ("--sequence LT(1)D(2)E".to_owned(), 2, "`D` has no place"),
+        ("--sequence LT(3)E".to_owned(), 1, "--set render.sequences"),
+        ("--sequence LT(3)E".to_owned(), 1, "has a surface 3"),
+        (
+            "--sequence LTTE --sequence LT(1)T(2)E".to_owned(),
+            1,
+            "hold the same paths",
+        ),
+        (
+            "--sequence LE --integrator vcm".to_owned(),
+            1,
+            "made by walks alone (allowed with them: integrator",
+        ),
+        (
+            "--sequence LE --regularize mis".to_owned(),
+            1,
+            "regularize = \"off\"",
+        ),
+        ("--sequence LE --aim all".to_owned(), 1, "aim = \"off\""),
+        (
+            "--set render.sequences={ghosts=[\"rear\"]}".to_owned(),
+            1,
+            "lens \"rear\" is not defined (allowed: \"lens 0\")",
+        ),
+    ] {
+        let found = fail(dir.path(), &format!("render bench.toml {arguments}"), code);
+        assert!(found.contains(message), "{arguments}: {found}");
+    }
+}
+
     // both lines have the same power but for Fresnel's losses, of 65 536 paths
     assert!((number(0, "power") / number(1, "power") - 1.0).abs() < 0.05);
     // with the noise of the pixels all figures have errors, and other figures are no other

@@ -115,7 +115,16 @@ fn ghosts_are_listed_by_power() {
         assert!(powers.iter().sum::<f64>() < power(field));
         assert!(power(&coated["ghosts"][i]) < 0.2 * power(field));
     }
-    assert!(run(&[]).contains("reflected by"));
+    let sequence = bare["ghosts"][0]["ghosts"][0]["sequence"].as_str().unwrap();
+    // the diaphragm, surface 6, is no glass
+    assert!(
+        sequence.starts_with("L T(1) ")
+            && sequence.ends_with(" T(11) E")
+            && !sequence.contains("(6)"),
+        "{sequence}"
+    );
+    let table = run(&[]);
+    assert!(table.contains("reflected by") && table.contains(&format!("--sequence '{sequence}'")));
 }
 
 #[test]

@@ -5,9 +5,10 @@ use crate::harness::{Estimate, line_images, measure, scene_in, with};
 use abbe::io::lens;
 use abbe::io::scene_file::parse_str;
 use abbe::optics::analysis::Beams;
-use abbe::optics::ghosts::{Ghost, ghosts, route};
+use abbe::optics::ghosts::{expression, ghosts, route};
+use abbe::optics::paraxial::Paraxial;
 use abbe::optics::{
-    Aperture, Event, FieldKind, Medium, Passage, Prescription, Profile, Ray, Surface, System,
+    Aperture, Event, FieldKind, Medium, Prescription, Profile, Ray, Surface, System,
     SystemAperture, stacks,
 };
 use abbe::scene::Scene;
@@ -108,6 +109,59 @@ impl Beam {
             }
         }
         Spot::new(&points, f64::from(n * n))
+    }
+
+    /// The share of the beam that arrives along the route of a ghost in a square of half edge
+    /// `half`, with Fresnel's losses and the absorption of the glasses.
+    fn traced_ghost(
+        &self,
+        lens: &Prescription,
+        pair: [usize; 2],
+        (center, half): (DVec2, f64),
+    ) -> f64 {
+        let system = System::along(lens, D_NM, route(lens, pair));
+        let (x, y) = (DVec3::X, self.direction.cross(DVec3::X));
+        let (n, image) = (400, lens.surfaces.len() - 1);
+        let mut sum = 0.0;
+        for i in 0..n * n {
+            let [u, v] = [i / n, i % n].map(|k| (f64::from(k) + 0.5) / f64::from(n));
+            let at = DVec2::from_angle(TAU * v) * (u.sqrt() * self.radius);
+            let ray = Ray {
+                o: self.start + x * at.x + y * at.y,
+                d: self.direction,
+            };
+            let mut weight = 1.0;
+            let arrived = system.trace(ray, true, |e| {
+                let passage = &system.route()[e.surface];
+                let sides = [lens.in_front(passage), lens.behind(passage)];
+                let k = sides[0].ior.k(D_NM);
+                weight *= (-4.0 * PI * k / (D_NM * 1e-6) * e.distance).exp();
+                // where surfaces cross beyond their apertures, a line may meet the next one behind
+                if e.surface > 0 && e.distance < 0.0 {
+                    weight = 0.0;
+                }
+                if passage.surface == image {
+                    return;
+                }
+                let [before, after] = sides.map(|medium| medium.ior.n(D_NM));
+                let cos = e.incoming.dot(e.normal).abs();
+                let sin = before / after * (1.0 - cos * cos).sqrt();
+                let bent = (1.0 - sin * sin).max(0.0).sqrt();
+                let s = (before * cos - after * bent) / (before * cos + after * bent);
+                let p = (after * cos - before * bent) / (after * cos + before * bent);
+                let reflected = 0.5 * (s * s + p * p);
+                weight *= if passage.reflects {
+                    reflected
+                } else {
+                    1.0 - reflected
+                };
+            });
+            let is_on = |end: Ray| (end.o.truncate() - center).abs().max_element() < half;
+            if arrived.is_ok_and(is_on) {
+                sum += weight;
+            }
+        }
+        sum / f64::from(n * n)
     }
 
     fn text(&self, place: &Place) -> String {
@@ -401,14 +455,8 @@ fn ghosts_have_the_power_of_their_routes() {
     };
     let expected = ghosts(&lens, D_NM, [0.0; 2], 40);
     assert_eq!(expected.len(), 6);
-    let of_route = |ghost: &Ghost| {
-        let passages = route(&lens, ghost.surfaces);
-        let passages = passages.iter().filter(|p| p.surface < 4);
-        let name =
-            |p: &Passage| format!("{}({})", if p.reflects { "R" } else { "T" }, p.surface + 1);
-        format!("L {} E", passages.map(name).collect::<String>())
-    };
-    let names: Vec<String> = expected.iter().map(of_route).collect();
+    let names = expected.iter().map(|g| expression(&lens, g.surfaces));
+    let names: Vec<String> = names.collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let table: Vec<String> = rows
         .iter()
@@ -424,6 +472,118 @@ fn ghosts_have_the_power_of_their_routes() {
     for ((ghost, name), found) in expected.iter().zip(&names).zip(&found.classes) {
         found.assert_is(name, mean_y(ghost.power, 4.0, 40.0), 0.02);
     }
+    // held to these sequences, a quarter of the paths tells far more: each its ghost, and no other
+    let text = text.replace("[render]", "[render]\nsequences = \"ghosts\"");
+    let (scene, settings) = scene_in(&lenses(), &text);
+    let held = measure(&scene, &settings, 16, 1, &names);
+    let mut sum = 0.0;
+    for ((ghost, name), held) in expected.iter().zip(&names).zip(&held.classes) {
+        let power = mean_y(ghost.power, 4.0, 40.0);
+        sum += power;
+        let share = held.scaled(ghost.power / power);
+        println!(
+            "held to {name}: {:.6e} ({:.0e}) of the beam, traced {:.6e}",
+            share.mean, share.error, ghost.power
+        );
+        held.assert_is(&format!("held to {name}"), power, 0.01 / 3.0);
+    }
+    held.y.assert_is("all ghosts", sum, 0.01 / 3.0);
+}
+
+/// One ghost of the double Gauss, 10 degrees off the axis, held to its sequence: the share of the
+/// beam that arrives along its route, to 1 %.
+#[test]
+fn ghost_of_the_double_gauss() {
+    let lens = read("double_gauss.zmx");
+    let pupil = Paraxial::new(&lens, D_NM).first_order().entrance_pupil;
+    let mut beam = Beam::tilted(10.0, 11.0);
+    beam.start = DVec3::Z * pupil.position - 100.0 * beam.direction;
+    // surfaces 11 and 9: a spot of 3.4 mm, all of it on the detector
+    let (pair, center, half) = ([10, 8], DVec2::new(0.0, 17.6), 12.0);
+    let expected = beam.traced_ghost(&lens, pair, (center, half));
+    let sequence = expression(&lens, pair);
+    let (y, z) = (center.y, lens.frames().last().expect("an image").origin.z);
+    let text = format!(
+        r#"
+unit = "mm"
+[render]
+integrator = "light"
+sequences = "{sequence}"
+wavelengths = {{ line_nm = 587.5618 }}
+[[sensor]]
+resolution = [64, 64]
+detector = {{ center = [0, {y}, {z}], u = [-{half}, 0, 0], v = [0, {half}, 0] }}
+[[lens]]
+file = "double_gauss.zmx"
+{}"#,
+        beam.text(&Place::HERE)
+    );
+    let (scene, settings) = scene_in(&lenses(), &text);
+    let found = measure(&scene, &settings, 16, 1, &[]).y;
+    let share = mean_y(expected, beam.radius, half);
+    let told = found.scaled(expected / share);
+    println!(
+        "held to {sequence}: {:.6e} ({:.0e}) of the beam, traced {expected:.6e}",
+        told.mean, told.error
+    );
+    found.assert_is("ghost of the double Gauss", share, 0.01 / 3.0);
+}
+
+/// A lamp through a singlet, held to its light and its ghost: from the lamp, from the detector and
+/// by both the same, and the ghost as bright as among all paths.
+#[test]
+fn integrators_agree_on_sequences() {
+    let text = r#"
+unit = "mm"
+[render]
+wavelengths = { line_nm = 587.5618 }
+sequences = ["L T(1) T(2) E", "L T(1) R(2) R(1) T(2) E"]
+[[sensor]]
+resolution = [8, 8]
+detector = { center = [0, 0, 12], u = [-6, 0, 0], v = [0, 6, 0] }
+[[lens]]
+surface = [
+    { radius = 30, thickness = 3, glass = "schott:N-SF66", semi_diameter = 8 },
+    { radius = -30, semi_diameter = 8 },
+]
+[[object]]
+disk = { center = [0, 0, -4], normal = [0, 0, 1], radius = 5 }
+emission = { value = 1 }
+"#;
+    let classes = ["L T(1) T(2) E", "L T(1) R(2) R(1) T(2) E"];
+    let of = |text: &str, integrator, passes| {
+        let (scene, settings) = scene_in(&lenses(), text);
+        let found = measure(&scene, &with(&settings, integrator), 16, passes, &classes);
+        assert!(
+            !text.contains("sequences")
+                || (found.classes[0].mean + found.classes[1].mean - found.y.mean).abs()
+                    < 1e-6 * found.y.mean
+        );
+        found.classes
+    };
+    let path = of(text, IntegratorKind::Path, 64);
+    let free = text.lines().filter(|line| !line.starts_with("sequences"));
+    let free: Vec<&str> = free.collect();
+    let free = of(&free.join("\n"), IntegratorKind::Path, 256);
+    let others = [IntegratorKind::Light, IntegratorKind::Bdpt];
+    let others = others.map(|integrator| of(text, integrator, 64));
+    for other in std::iter::once(&free).chain(&others) {
+        println!("path {path:?}, other {other:?}");
+        for (path, other) in path.iter().zip(other) {
+            assert!(path.error < 0.02 * path.mean, "{path:?}");
+            // of all paths, few are ghosts
+            assert!(other.error < 0.1 * other.mean, "{other:?}");
+            assert!(path.deviation(other) < 4.5, "{path:?} {other:?}");
+        }
+    }
+    for other in others.iter().flatten() {
+        assert!(other.error < 0.03 * other.mean, "{other:?}");
+    }
+    // a ghost is 1 % of the light, and as well known as the light
+    let [light, ghost] = [0, 1].map(|i| path[i].error / path[i].mean);
+    let among_all = free[1].error / free[1].mean;
+    assert!(ghost < 3.0 * light, "{ghost} {light}");
+    assert!(2.0 * ghost < among_all, "{ghost} {among_all}");
 }
 
 const GHOSTS: &str = r#"

@@ -70,6 +70,10 @@ pub struct RenderOptions {
     /// 486.1,587.6 (nm)
     #[arg(long, value_name = "SPEC", value_parser = values::wavelengths)]
     pub wavelengths: Option<String>,
+    /// Holds all paths to a sequence of smooth surfaces, such as 'L T(1) R(2) R(1) T(2) E'
+    /// (may be given several times), or to ghosts: all of two reflections of the only lens
+    #[arg(long, value_name = "SEQUENCE", value_parser = values::sequence)]
+    pub sequence: Vec<String>,
     #[command(flatten)]
     pub moment: Moment,
     #[command(flatten)]
@@ -148,6 +152,7 @@ impl RenderOptions {
             ("max_depth", self.max_depth.map(|v| v.to_string())),
             ("filter", self.filter.map(|v| v.to_string())),
             ("wavelengths", self.wavelengths.clone()),
+            ("sequences", values::sequences(&self.sequence)),
         ];
         let options = options
             .into_iter()

@@ -8,12 +8,15 @@ use crate::job::freeze::ChunkLength;
 use crate::job::manifest::LEASES;
 use crate::math::banding::Axis;
 use crate::math::named::Named;
+use crate::scene::Sequences;
 use crate::scene::settings::{Aiming, FilterKind, Heuristic, IntegratorKind, Regularize, Sharing};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 use std::ops::Range;
 use std::time::Duration;
 
+/// Name of all sequences of two reflections of the only lens.
+const GHOSTS: &str = "ghosts";
 /// Longest name of a worker that is given.
 const LONGEST_NAME: usize = 60;
 
@@ -233,6 +236,23 @@ pub(super) fn wavelengths(text: &str) -> Result<String, String> {
     lines
         .map(|lines| format!("{{ lines_nm = {lines:?} }}"))
         .map_err(wrong)
+}
+
+/// One sequence of surfaces, or the name of several.
+pub(super) fn sequence(text: &str) -> Result<String, String> {
+    if text != GHOSTS {
+        Sequences::check(text)?;
+    }
+    Ok(text.to_owned())
+}
+
+/// The value of the key for sequences that are given one by one; `None` without any.
+pub(super) fn sequences(all: &[String]) -> Option<String> {
+    match all {
+        [] => None,
+        [one] if one == GHOSTS => Some(format!("\"{GHOSTS}\"")),
+        all => Some(format!("{all:?}")),
+    }
 }
 
 #[cfg(test)]

@@ -136,7 +136,7 @@ impl<'a> Report<'a> {
             "chromatic_focal_shift": self.first_order.iter().map(shift).collect::<Vec<_>>(),
             "focus": { "paraxial": self.focus[0], "best": self.focus[1] },
             "spots": self.spots.iter().map(spot).collect::<Vec<_>>(),
-            "ghosts": self.ghosts.as_ref().map(|fields| lens.fields.iter().zip(fields).map(ghosts_json).collect::<Vec<_>>()),
+            "ghosts": self.ghosts.as_ref().map(|fields| lens.fields.iter().zip(fields).map(|field| ghosts_json(lens, field)).collect::<Vec<_>>()),
             "transmission": lens.fields.iter().zip(&self.transmission).map(transmission).collect::<Vec<_>>(),
         });
         format!("{value:#}\n")
@@ -285,13 +285,13 @@ impl<'a> Report<'a> {
     }
 }
 
-fn ghosts_table(lens: &Prescription, [x, y]: [f64; 2], power: f64, ghosts: &[Ghost]) -> String {
+fn ghosts_table(lens: &Prescription, [x, y]: [f64; 2], power: f64, all: &[Ghost]) -> String {
     let mut text = format!(
         "\nGhosts of field {x} {y} at {:.4} nm: {power:.3e} of the power of the beam in all\n",
         lens.primary_nm()
     );
     text += "  reflected by         power   rays, %    x, mm        y, mm        rms radius, mm\n";
-    for ghost in ghosts {
+    for ghost in all {
         let [first, second] = ghost.surfaces.map(|i| i + 1);
         let c = ghost.centroid;
         _ = writeln!(
@@ -305,17 +305,28 @@ fn ghosts_table(lens: &Prescription, [x, y]: [f64; 2], power: f64, ghosts: &[Gho
             ghost.rms
         );
     }
+    if let Some(ghost) = all.first() {
+        _ = writeln!(
+            text,
+            "  the first alone: abbe render SCENE --sequence '{}'",
+            ghosts::expression(lens, ghost.surfaces)
+        );
+    }
     text
 }
 
-fn ghosts_json((field, (power, ghosts)): (&[f64; 2], &(f64, Vec<Ghost>))) -> serde_json::Value {
+fn ghosts_json(
+    lens: &Prescription,
+    (field, (power, all)): (&[f64; 2], &(f64, Vec<Ghost>)),
+) -> serde_json::Value {
     let ghost = |g: &Ghost| {
         json!({
             "surfaces": g.surfaces.map(|i| i + 1), "power": g.power, "rays": g.rays,
             "centroid": g.centroid.to_array(), "rms": g.rms,
+            "sequence": ghosts::expression(lens, g.surfaces),
         })
     };
-    json!({ "field": field, "power": power, "ghosts": ghosts.iter().map(ghost).collect::<Vec<_>>() })
+    json!({ "field": field, "power": power, "ghosts": all.iter().map(ghost).collect::<Vec<_>>() })
 }
 
 /// Where the spots of all fields, each about the centroid of its wavelengths, are smallest

@@ -240,6 +240,11 @@ pub struct PlacedLens {
 }
 
 impl PlacedLens {
+    /// Name, unique among lenses.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// Adds its parts to a scene.
     pub fn add_to(self, scene: &mut SceneDescription, cx: &Reader<'_>) {
         let shutter = cx.shutter.unwrap_or_default();

@@ -25,6 +25,7 @@ mod render;
 mod replacement;
 mod scene;
 mod sensor;
+mod sequence;
 mod shape;
 mod spectrum;
 #[cfg(test)]

@@ -4,6 +4,7 @@ use super::document::Node;
 use super::keys::{Build, Built, Form, Keys, POSITIVE, Range, Spec, Table, Value, keys};
 use super::reader::Reader;
 use super::sensor::FILTER_RADIUS;
+use super::sequence::SequenceChoice;
 use super::value::{At, Lanes, Length, number};
 use crate::math::named::named;
 use crate::optics::Polarization;
@@ -291,6 +292,9 @@ keys! {
         /// Polarization that smooth surfaces are computed for, each against its own plane of
         /// incidence; other than `"average"` only where no surface is rough or coated paint.
         fresnel: Polarization, default Polarization::Average;
+        /// Sequences of smooth surfaces that all paths are held to, by what light does at each and
+        /// where, from the light `L` to the sensor `E`. All else is left out of the image.
+        sequences: Option<At<SequenceChoice>>, or "all paths";
         /// Scale of the image.
         units: OutputUnits, default OutputUnits::Radiance;
         /// Radius of the first pass within which photons are merged.
@@ -316,6 +320,8 @@ pub struct Rendering {
     pub wavelengths: WavelengthSettings,
     /// Polarization that smooth surfaces are computed for.
     pub polarization: Polarization,
+    /// Sequences of surfaces that all paths are held to.
+    pub sequences: Option<At<SequenceChoice>>,
 }
 
 impl Default for Rendering {
@@ -325,7 +331,30 @@ impl Default for Rendering {
             units: OutputUnits::Radiance,
             wavelengths: WavelengthName::Scene.over(VISIBLE_NM),
             polarization: Polarization::Average,
+            sequences: None,
         }
+    }
+}
+
+impl RenderKeys {
+    /// Paths that are held to sequences have neither photons nor cones nor chains solved for.
+    fn check_sequences(&self, cx: &mut Reader<'_>) {
+        let Some(At { at, .. }) = &self.sequences else {
+            return;
+        };
+        let other = if self.integrator.merges() || self.integrator.runs_chains() {
+            "integrator = \"path\", \"light\" or \"bdpt\""
+        } else if matches!(self.regularize, Regularize::Single | Regularize::Mis) {
+            "regularize = \"off\""
+        } else if self.aim == Aiming::All {
+            "aim = \"off\""
+        } else {
+            return;
+        };
+        cx.conflict(
+            at,
+            format!("paths held to sequences are made by walks alone (allowed with them: {other})"),
+        );
     }
 }
 
@@ -334,6 +363,7 @@ impl Build for RenderKeys {
 
     fn build(self, _: &Table<'_>, cx: &mut Reader<'_>) -> Option<Rendering> {
         cx.filter = (self.filter, self.filter_radius);
+        self.check_sequences(cx);
         let settings = Settings {
             integrator: self.integrator,
             spp: self.spp as u32,
@@ -369,6 +399,7 @@ impl Build for RenderKeys {
             units: self.units,
             wavelengths,
             polarization: self.fresnel,
+            sequences: self.sequences,
         })
     }
 }

@@ -15,6 +15,7 @@ use super::object::Objects;
 use super::reader::Reader;
 use super::render::{RenderKeys, Unit};
 use super::sensor::{Pending, Sensors};
+use super::sequence::{lens_names, resolve};
 use super::spectrum::Spectra;
 use super::value::{At, MediumName};
 use super::{LoadedScene, Places};
@@ -164,15 +165,20 @@ impl SceneKeys {
             named_media: std::mem::take(&mut cx.named_media),
             wavelengths: rendering.wavelengths,
             polarization: rendering.polarization,
+            sequences: None,
             ambient: MediumId::AMBIENT,
             hash: file_hashes.fold(hash_of_text, |hash, &file| combine(hash, file)),
         };
+        let lenses = lens_names(&self.lens);
         for lens in self.lens.0 {
             let at = cx.place(lens.at.start);
             lens.value.add_to(&mut description, cx);
             places.objects.resize(description.objects.len(), at);
         }
         models.add_to(&mut description, rendering.units, cx);
+        if let Some(choice) = &rendering.sequences {
+            description.sequences = resolve(choice, &description, &lenses, cx);
+        }
         let mut warnings = std::mem::take(&mut cx.warnings);
         warnings.append(&mut cx.notes);
         Some(LoadedScene {

@@ -48,7 +48,9 @@ impl Joiner<'_> {
         let vertex = &camera.vertices[j];
         let first_only = self.strategies.merges_first_only();
         let specular = |i: usize| camera.densities[i + 1].label.is_specular();
-        if j + 1 > self.max_depth
+        // a sequence has specular vertices alone
+        if self.context.held.is_some()
+            || j + 1 > self.max_depth
             || !vertex.has_non_specular
             || !vertex.sides_agree(vertex.toward_previous)
             || first_only && !(0..j).all(specular)
