@@ -1,13 +1,32 @@
-//! A collimated beam: parallel light through a round aperture, uniform or Gaussian across it.
+//! A collimated beam: parallel light through a round aperture, with a profile across it.
 //!
-//! The aperture plane is where the light starts; nothing behind it is lit. Points are drawn in
-//! proportion to the irradiance, so that every path has the same weight.
+//! The aperture plane is where the light starts; nothing behind it is lit. Points of uniform and
+//! Gaussian beams are drawn in proportion to the irradiance, so that every path has the same
+//! weight; those of other profiles nearly so.
+
+pub mod profile;
 
 use super::{DirectSample, EmissionSample, factor, placed_axis};
 use crate::geometry::{DirectionalDensity, EndPoint, Placement};
 use crate::math::sampling;
 use glam::{DVec2, DVec3};
+use profile::RingProfile;
 use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Irradiance across a beam over that on its axis (or per unit of a table).
+#[derive(Clone, Debug, PartialEq)]
+pub enum BeamProfile {
+    /// The same everywhere.
+    Uniform,
+    /// `exp(-2 (r / waist)²)`.
+    Gaussian {
+        /// Distance from the axis in metres, > 0, at which it is 1/e².
+        waist_m: f64,
+    },
+    /// Any other, as far as the aperture reaches.
+    Rings(Arc<RingProfile>),
+}
 
 /// Irradiance across a beam that starts on a disk in the plane z = 0 of its own space and travels
 /// along +z: W/(m² nm), and W/m² per line.
@@ -15,26 +34,39 @@ use std::f64::consts::PI;
 pub struct BeamLight {
     /// Radius of the aperture in metres, > 0.
     pub radius_m: f64,
-    /// Distance from the axis in metres, > 0, at which the irradiance has fallen to 1/e² of that on
-    /// the axis; `None`: it is the same everywhere.
-    pub waist_m: Option<f64>,
+    /// Profile within it.
+    pub profile: BeamProfile,
 }
 
 impl BeamLight {
-    /// Flux per unit irradiance on the axis, m².
+    /// Flux per unit irradiance on the axis (of a table: of its values), m².
     #[must_use]
     pub fn flux_factor(&self) -> f64 {
         let square = self.radius_m * self.radius_m;
-        match self.waist_m {
-            None => PI * self.radius_m * self.radius_m,
-            Some(waist) => 0.5 * PI * waist * waist * -(-2.0 * square / (waist * waist)).exp_m1(),
+        match &self.profile {
+            BeamProfile::Uniform => PI * self.radius_m * self.radius_m,
+            BeamProfile::Gaussian { waist_m: waist } => {
+                0.5 * PI * waist * waist * -(-2.0 * square / (waist * waist)).exp_m1()
+            }
+            BeamProfile::Rings(rings) => rings.flux(),
         }
     }
 
     /// Irradiance relative to the axis at a squared distance from it, within the aperture.
     fn profile(&self, square: f64) -> f64 {
-        self.waist_m
-            .map_or(1.0, |waist| (-2.0 * square / (waist * waist)).exp())
+        match &self.profile {
+            BeamProfile::Uniform => 1.0,
+            BeamProfile::Gaussian { waist_m: waist } => (-2.0 * square / (waist * waist)).exp(),
+            BeamProfile::Rings(rings) => rings.at(square),
+        }
+    }
+
+    /// Density per area with which points at a squared distance from the axis are drawn.
+    fn drawn(&self, square: f64) -> f64 {
+        match &self.profile {
+            BeamProfile::Rings(rings) => rings.density(square),
+            _ => self.profile(square) / self.flux_factor(),
+        }
     }
 
     /// Point of the aperture plane in its own space.
@@ -45,22 +77,28 @@ impl BeamLight {
     /// Density across the beam at a point of its aperture.
     pub(super) fn density(&self, place: &Placement, p: DVec3) -> DirectionalDensity {
         let square = Self::foot(place, p).length_squared();
-        DirectionalDensity::Perpendicular(self.profile(square) / self.flux_factor())
+        DirectionalDensity::Perpendicular(self.drawn(square))
     }
 
     /// Point of the aperture by two numbers in [0, 1).
     fn draw(&self, u: DVec2) -> DVec2 {
         let unit = sampling::disk(u.into());
-        let Some(waist) = self.waist_m else {
+        if self.profile == BeamProfile::Uniform {
             return self.radius_m * unit;
-        };
+        }
         // the squared distance of a uniform point of the unit disk is uniform itself
         let share = unit.length_squared();
         if share == 0.0 {
             return DVec2::ZERO;
         }
-        let most = -2.0 * (self.radius_m / waist).powi(2);
-        let square = -0.5 * waist * waist * (share * most.exp_m1()).ln_1p();
+        let square = match &self.profile {
+            BeamProfile::Uniform => share * self.radius_m * self.radius_m,
+            BeamProfile::Gaussian { waist_m: waist } => {
+                let most = -2.0 * (self.radius_m / waist).powi(2);
+                -0.5 * waist * waist * (share * most.exp_m1()).ln_1p()
+            }
+            BeamProfile::Rings(rings) => rings.draw(share),
+        };
         // rounding must not lead beyond the aperture
         unit * (square.min(self.radius_m * self.radius_m) / share).sqrt()
     }
@@ -68,14 +106,20 @@ impl BeamLight {
     pub(super) fn sample_emission(&self, place: &Placement, u_pos: DVec2) -> EmissionSample {
         let local = self.draw(u_pos);
         let origin = place.to_world.transform_point3(local.extend(0.0));
-        let density = self.profile(local.length_squared()) / self.flux_factor();
+        let square = local.length_squared();
+        let density = self.drawn(square);
+        let weight = match &self.profile {
+            BeamProfile::Rings(rings) if density > 0.0 => rings.at(square) / density,
+            BeamProfile::Rings(_) => 0.0,
+            _ => self.flux_factor(),
+        };
         EmissionSample {
             x0: EndPoint::at(origin),
             origin,
             direction: placed_axis(place),
             pdf_x0: 1.0,
             pdf_direction: DirectionalDensity::Perpendicular(density),
-            weight: factor(self.flux_factor()),
+            weight: factor(weight),
         }
     }
 
@@ -104,10 +148,16 @@ mod tests {
         let position = DVec3::new(1.0, -2.0, 0.5);
         let direction = DVec3::new(0.2, 0.9, -0.4);
         let place = posed(position, direction);
-        for (i, waist_m) in (0..100).flat_map(|i| [(i, None), (i, Some(0.004))]) {
+        let profiles = [
+            BeamProfile::Uniform,
+            BeamProfile::Gaussian { waist_m: 0.004 },
+            BeamProfile::Rings(Arc::new(RingProfile::super_gaussian(0.01, 0.006, 7.0))),
+        ];
+        // from 1 on: 0 is the border of the aperture, and of rings
+        for (i, profile) in (1..100).flat_map(|i| profiles.clone().map(|p| (i, p))) {
             let light = BeamLight {
                 radius_m: 0.01,
-                waist_m,
+                profile,
             };
             let u = DVec2::new(f64::from(i) / 100.0, f64::from(i) * 0.618 % 1.0);
             let s = light.sample_emission(&place, u);
@@ -142,7 +192,7 @@ mod tests {
         let place = Placement::IDENTITY;
         let light = BeamLight {
             radius_m: 0.5,
-            waist_m: None,
+            profile: BeamProfile::Uniform,
         };
         assert!(
             light
@@ -164,7 +214,7 @@ mod tests {
         let (radius_m, waist) = (0.02, 0.015);
         let light = BeamLight {
             radius_m,
-            waist_m: Some(waist),
+            profile: BeamProfile::Gaussian { waist_m: waist },
         };
         let within = |r: f64| 0.5 * PI * waist * waist * (1.0 - (-2.0 * (r / waist).powi(2)).exp());
         assert!((light.flux_factor() / within(radius_m) - 1.0).abs() < 1e-14);
@@ -184,8 +234,8 @@ mod tests {
         }
         // much wider than the aperture it is uniform
         let wide = BeamLight {
-            waist_m: Some(1e6),
-            ..light
+            radius_m,
+            profile: BeamProfile::Gaussian { waist_m: 1e6 },
         };
         assert!((wide.flux_factor() / (PI * radius_m * radius_m) - 1.0).abs() < 1e-9);
         let u = DVec2::new(0.3, 0.8);

@@ -24,7 +24,7 @@ use crate::math::{frame::Frame, sampling};
 use crate::spectrum::{Emission, SampledSpectrum, SampledWavelengths};
 use crate::texture::Image;
 use area::AreaLight;
-use beam::BeamLight;
+use beam::{BeamLight, BeamProfile};
 use directional::DirectionalLight;
 use environment::EnvironmentLight;
 use environment_image::EnvironmentImage;
@@ -182,7 +182,7 @@ impl Light {
             transform: Some(posed(position, direction).into()),
             kind: LightKind::Beam(BeamLight {
                 radius_m,
-                waist_m: None,
+                profile: BeamProfile::Uniform,
             }),
         }
     }
@@ -190,9 +190,15 @@ impl Light {
     /// The same beam with an irradiance that falls to 1/e² at `waist_m` from the axis, where it is
     /// as given; any other light as it is.
     #[must_use]
-    pub fn with_waist(mut self, waist_m: f64) -> Self {
+    pub fn with_waist(self, waist_m: f64) -> Self {
+        self.with_profile(BeamProfile::Gaussian { waist_m })
+    }
+
+    /// The same beam with another profile, made for its aperture; any other light as it is.
+    #[must_use]
+    pub fn with_profile(mut self, profile: BeamProfile) -> Self {
         if let LightKind::Beam(beam) = &mut self.kind {
-            beam.waist_m = Some(waist_m);
+            beam.profile = profile;
         }
         self
     }

@@ -15,6 +15,8 @@ use super::transform::euler;
 use super::value::{At, Direction, FileName, Length, Name, Point, items};
 use crate::io::model::studio;
 use crate::light::Light;
+use crate::light::beam::BeamProfile;
+use crate::light::beam::profile::RingProfile;
 use crate::light::environment_image::EnvironmentImage;
 use crate::light::spot::{Falloff, SpotLight};
 use crate::medium::MediumId;
@@ -29,6 +31,7 @@ const STUDIO: &str = "builtin:studio";
 /// Sine of the angle between a beam and `up` below which they are one.
 const LEAST_SINE: f64 = 1e-9;
 const FIELD: Range = Range::closed(-89.0, 89.0, "-89 to 89 degrees");
+const ORDER: Range = Range::closed(1.0, 100.0, "1 to 100");
 const HALF_ANGLE: Range = Range::above(0.0, 180.0, "above 0, at most 180 degrees");
 
 keys! {
@@ -190,6 +193,12 @@ keys! {
         irradiance: Emitted, unit "W/(m² nm)";
         /// Distance from the axis at which the irradiance of a Gaussian beam is 1/e² of that on it.
         waist: Option<Length>, in POSITIVE, or "uniform";
+        /// With `waist`: the irradiance is exp(-2 (r/waist)^order) of that on the axis, from order
+        /// 2 (Gaussian) on flatter with steeper edges.
+        order: Option<f64>, in ORDER, or "2";
+        /// Instead of `waist`: rows [distance from the axis, factor on the irradiance], linear in
+        /// between, the first at 0 and the last at `radius` or beyond; or a CSV file of such rows.
+        profile: Option<At<BeamRows>>, or "uniform";
         /// Way of the light from the circle in which it starts to `position`, such as the center of
         /// an entrance pupil inside a lens.
         before: Option<Length>, in NON_NEGATIVE, or "0";
@@ -201,6 +210,60 @@ keys! {
         power_w: Option<f64>, in NON_NEGATIVE, unit "W";
         /// The same in lumens.
         power_lm: Option<f64>, in NON_NEGATIVE, unit "lm";
+    }
+}
+
+/// Rows of the profile of a beam: distances from the axis in meters, and values.
+#[derive(Debug)]
+pub struct BeamRows(Vec<[f64; 2]>);
+
+impl Value for BeamRows {
+    fn form() -> Form {
+        Form::Any(vec![Vec::<[f64; 2]>::form(), FileName::form()])
+    }
+
+    fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
+        let rows = if node.get_ref().is_str() {
+            let name = At::<FileName>::read(node, spec, cx)?;
+            cx.csv::<2>(&name)?
+        } else {
+            Vec::<[f64; 2]>::read(node, spec, cx)?
+        };
+        let unit = cx.unit_m;
+        Some(Self(rows.into_iter().map(|[r, v]| [r * unit, v]).collect()))
+    }
+}
+
+impl BeamKeys {
+    /// The profile of the beam, where it is not uniform.
+    fn profile(&self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<BeamProfile> {
+        if self.order.is_some() && self.waist.is_none() {
+            cx.conflict(&table.span("order"), "order is for beams with waist only");
+            return None;
+        }
+        let radius_m = self.radius.0;
+        match (&self.waist, &self.profile) {
+            (None, None) => None,
+            (Some(_), Some(rows)) => {
+                let message = "waist and profile exclude each other";
+                cx.conflict(&rows.at, message);
+                None
+            }
+            (Some(waist), None) => Some(match self.order {
+                None | Some(2.0) => BeamProfile::Gaussian { waist_m: waist.0 },
+                Some(order) => {
+                    let rings = RingProfile::super_gaussian(radius_m, waist.0, order);
+                    BeamProfile::Rings(Arc::new(rings))
+                }
+            }),
+            (None, Some(At { value, at })) => match RingProfile::table(radius_m, &value.0) {
+                Ok(rings) => Some(BeamProfile::Rings(Arc::new(rings))),
+                Err(error) => {
+                    cx.conflict(at, error.to_string());
+                    None
+                }
+            },
+        }
     }
 }
 
@@ -228,6 +291,7 @@ impl Build for BeamKeys {
         if self.up.is_some() && self.fields_deg.is_none() {
             cx.conflict(&table.span("up"), "up is for fields_deg only");
         }
+        let profile = self.profile(table, cx);
         let mut lights = Vec::new();
         for field in fields {
             let direction = field.map_or(along, |deg| {
@@ -236,8 +300,8 @@ impl Build for BeamKeys {
             let position = self.position.0 - self.before.map_or(0.0, |b| b.0) * direction;
             let emission = self.irradiance.0.clone();
             let mut light = Light::beam(position, direction, emission, self.radius.0);
-            if let Some(waist) = self.waist {
-                light = light.with_waist(waist.0);
+            if let Some(profile) = &profile {
+                light = light.with_profile(profile.clone());
             }
             let light = powered(light, [self.power_w, self.power_lm], table, cx);
             lights.push((field, light));

@@ -14,6 +14,8 @@ use toml::de::DeValue;
 
 const TEMPERATURE: Range = Range::closed(100.0, 1e6, "100 to 1e6 kelvin");
 
+const BAND: Range = Range::closed(100.0, 20_000.0, "100 to 20000 nm");
+
 /// Largest value of an emission: its products along a path stay far below what lanes can hold.
 const MOST_EMISSION: f64 = 1e30;
 
@@ -32,6 +34,8 @@ enum Source {
     Blackbody(f64),
     /// (nm, power), wavelengths ascending.
     Lines(Vec<[f64; 2]>),
+    /// 1 from the first wavelength to the second, nm, ascending.
+    Band([f64; 2]),
     /// An image over the surface.
     Texture(Texture<true>),
 }
@@ -50,7 +54,7 @@ pub struct Spectrum {
 }
 
 keys! {
-    /// A spectrum by exactly one of the first seven keys.
+    /// A spectrum by exactly one of the first eight keys.
     SpectrumKeys = "spectrum" {
         /// The same value at all wavelengths.
         value: Option<f64>, in NON_NEGATIVE;
@@ -66,6 +70,8 @@ keys! {
         /// Emission lines [nm, power], no wavelength twice; power >= 0 in the unit of the use
         /// without the "per nm".
         lines: Option<At<Vec<[f64; 2]>>>;
+        /// A flat band [from, to]: 1 at these wavelengths, 0 at all others.
+        band_nm: Option<At<[f64; 2]>>, in BAND, unit "nm";
         /// An image over the surface; on materials and on `emission` of objects.
         texture: Option<Texture<true>>;
         /// Of a `file`: hold its end values over any part of the working range.
@@ -196,6 +202,11 @@ impl Spectrum {
                 temp_k: *temp_k,
                 scale: 1.0,
             },
+            // its edges are as steep as wavelengths can be told apart
+            Source::Band([low, high]) => Curve::table(
+                &[low.next_down(), *low, *high, high.next_up()],
+                &[0.0, 1.0, 1.0, 0.0],
+            ),
             Source::Lines(_) | Source::Texture(_) => return None,
         };
         Some(curve)
@@ -215,6 +226,7 @@ impl Spectrum {
         self.check_no_emission(what, cx);
         let largest = match &self.source {
             Source::Constant(v) => *v,
+            Source::Band(_) => 1.0,
             Source::Rgb(rgb) => rgb.iter().copied().fold(0.0, f64::max),
             Source::Table(rows) => rows.iter().map(|r| r[1]).fold(0.0, f64::max),
             // texels reach 1
@@ -282,7 +294,7 @@ impl SpectrumKeys {
         }
         let (scale, luminance) = (self.scale.unwrap_or(1.0), self.luminance);
         let extrapolate = self.extrapolate;
-        table.exactly_one(&Self::NAMES[..7], "spectrum", cx)?;
+        table.exactly_one(&Self::NAMES[..8], "spectrum", cx)?;
         Some(Spectrum {
             source: self.source(cx)?,
             scale,
@@ -298,6 +310,13 @@ impl SpectrumKeys {
         }
         if let Some(lines) = self.lines {
             return Some(Source::Lines(sorted_lines(lines, cx)));
+        }
+        if let Some(At { value, at }) = self.band_nm {
+            if value[0] >= value[1] {
+                cx.conflict(&at, "band_nm is empty (allowed: [from, to] with from < to)");
+                return None;
+            }
+            return Some(Source::Band(value));
         }
         let value = self.value.map(Source::Constant);
         let rgb = self.rgb.map(Source::Rgb);

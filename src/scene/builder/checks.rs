@@ -2,6 +2,7 @@
 
 use super::{SceneBuilderError, SceneDescription};
 use crate::geometry::Transform;
+use crate::light::beam::BeamProfile;
 use crate::light::{Light, LightKind};
 use crate::material::MaterialId;
 use crate::medium::{Boundary, MediumId};
@@ -143,7 +144,7 @@ fn light(light: &Light) -> Checked {
                 is_positive(radius),
                 format!("radius {radius} m (allowed: above 0)"),
             )?;
-            if let Some(waist) = beam.waist_m {
+            if let BeamProfile::Gaussian { waist_m: waist } = beam.profile {
                 require(
                     is_positive(waist),
                     format!("waist {waist} m (allowed: above 0)"),

@@ -3,7 +3,7 @@
 use crate::harness::{scene, test_scale, with};
 use abbe::render::{Flux, OutputRequest, Render};
 use abbe::scene::settings::IntegratorKind::{self, Light, Path};
-use abbe::spectrum::SpectralChannels;
+use abbe::spectrum::{SpectralChannels, xyz};
 use std::f64::consts::PI;
 
 /// Flux through the only detector.
@@ -85,5 +85,95 @@ power_lm = 300
     assert!(
         (part.value - expected).abs() < 4.5 * error,
         "{part:?} {expected}"
+    );
+}
+
+const PROFILE: &str = r#"
+unit = "mm"
+[[sensor]]
+resolution = [16, 16]
+detector = { center = [AT, 0, 0], u = [HALF, 0, 0], v = [0, HALF, 0] }
+[[light]]
+[light.beam]
+position = [0, 0, 300]
+direction = [0, 0, -1]
+radius = 40
+PROFILE
+irradiance = { lines = [[555, 1]] }
+power_w = 2
+"#;
+
+/// A super-Gaussian beam and one by a table bring their power, and it is where the profile says.
+#[test]
+fn beams_of_any_profile() {
+    let flat_top = |r: f64| (-2.0 * (r / 30.0).powi(8)).exp();
+    let ring = |r: f64| {
+        if r < 20.0 {
+            0.2 + 0.8 / 15.0 * (r - 5.0).max(0.0)
+        } else {
+            1.5 - 0.025 * r
+        }
+    };
+    let cases: [(&str, &dyn Fn(f64) -> f64); 2] = [
+        ("waist = 30\norder = 8", &flat_top),
+        ("profile = [[0, 0.2], [5, 0.2], [20, 1], [40, 0.5]]", &ring),
+    ];
+    for (keys, profile) in cases {
+        let n = 200_000;
+        let ring = |i: u32| {
+            let r = 40.0 * (f64::from(i) + 0.5) / f64::from(n);
+            2.0 * PI * r * profile(r) * 40.0 / f64::from(n)
+        };
+        let area_mm2: f64 = (0..n).map(ring).sum();
+        let text = |at: &str, half: &str| {
+            let text = PROFILE.replace("PROFILE", keys).replace("AT", at);
+            text.replace("HALF", half)
+        };
+        for integrator in [Light, Path] {
+            let all = flux(&text("0", "50"), integrator, 64).lines_w[0].1;
+            let error = all.error.expect("both halves");
+            println!("{keys}, {integrator:?}: {all:?}");
+            assert!(error < 0.01 * 2.0, "{all:?}");
+            assert!((all.value - 2.0).abs() < 4.5 * error, "{all:?}");
+        }
+        // rings hold the profile nearly as it is: each light path brings nearly the same
+        let all = flux(&text("0", "50"), Light, 64).lines_w[0].1;
+        assert!((all.value / 2.0 - 1.0).abs() < 1e-4, "{all:?}");
+        for (at, r) in [("0", 0.0), ("20", 20.0), ("29", 29.0)] {
+            let here = flux(&text(at, "0.01"), Path, 4).lines_w[0].1.value;
+            let expected = 2.0 * profile(r) / area_mm2 * 0.02 * 0.02;
+            // over 0.01 mm the steepest profile changes by 1.4e-3 of itself, to both sides alike
+            assert!(
+                (here / expected - 1.0).abs() < 1e-3,
+                "{at}: {here} {expected}"
+            );
+        }
+    }
+}
+
+/// A flat band of 2 W has the luminous flux of the observer's mean over it.
+#[test]
+fn flat_bands_have_the_same_power_per_nanometer() {
+    let text = PROFILE
+        .replace("PROFILE", "")
+        .replace("AT", "0")
+        .replace("HALF", "50")
+        .replace("{ lines = [[555, 1]] }", "{ band_nm = [601.5, 611.25] }");
+    let (scene, settings) = scene(&text);
+    let crop = scene.sensors[0].whole_film();
+    let request = OutputRequest::default();
+    let mut render = Render::new(&scene, 0, &with(&settings, Light), crop, &request);
+    (0..64 * test_scale()).for_each(|pass| render.add_pass(pass));
+    let found = render.flux().expect("a detector").luminous_lm;
+    let n = 1000;
+    let y = |i: u32| xyz::cmf(601.5 + 9.75 * (f64::from(i) + 0.5) / f64::from(n))[1];
+    let mean = (0..n).map(y).sum::<f64>() / f64::from(n);
+    let expected = 2.0 * 683.0 * mean;
+    let error = found.error.expect("both halves");
+    println!("{found:?} for {expected}");
+    assert!(error < 0.01 * expected, "{found:?}");
+    assert!(
+        (found.value - expected).abs() < 4.5 * error,
+        "{found:?} {expected}"
     );
 }
