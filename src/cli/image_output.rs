@@ -4,7 +4,8 @@ use super::CliError;
 use crate::develop::Exposure;
 use crate::io::atomic::write_atomic;
 use crate::io::exr::{self, ExrImage};
-use crate::io::image::development;
+use crate::io::image::{self, development};
+use crate::io::part::{Part, PartHeader};
 use crate::io::png::{Depth, picture_bytes};
 use std::ffi::OsStr;
 use std::io::Write as _;
@@ -65,6 +66,61 @@ pub fn of_sensor(image: &Path, sensor: &str) -> PathBuf {
         name.push::<&OsStr>(suffix);
     }
     image.with_file_name(name)
+}
+
+/// Files of a film of a part.
+#[derive(Clone, Debug)]
+pub struct FilmTargets {
+    /// Image.
+    pub image: PathBuf,
+    /// Preview, if there is one.
+    pub preview: Option<PathBuf>,
+    /// Spectral image, where the part has one.
+    pub spectral: Option<PathBuf>,
+}
+
+impl FilmTargets {
+    /// For each film of a part, by the name given for all.
+    #[must_use]
+    pub fn of(header: &PartHeader, output: &Path, with_previews: bool) -> Vec<Self> {
+        let films = header.each();
+        let several = films.len() > 1;
+        let target = |film: &PartHeader| {
+            let image = if several {
+                of_sensor(output, &film.sensor)
+            } else {
+                output.to_owned()
+            };
+            Self {
+                preview: with_previews.then(|| preview_path(&image)),
+                spectral: (film.spectral.is_some()).then(|| image.with_extension("spectral.exr")),
+                image,
+            }
+        };
+        films.iter().map(target).collect()
+    }
+
+    /// All of them.
+    pub fn paths(&self) -> impl Iterator<Item = &PathBuf> {
+        let others = [self.preview.as_ref(), self.spectral.as_ref()];
+        std::iter::once(&self.image).chain(others.into_iter().flatten())
+    }
+
+    /// Writes the images of a part that holds one film; says of the preview what a user should
+    /// know.
+    ///
+    /// # Errors
+    /// Where the sums do not fit the header, or a file cannot be written.
+    pub fn write(&self, film: &Part, exposure: Option<f64>) -> Result<Option<String>, CliError> {
+        let image = image::of_part(film)?;
+        let preview = write_image(&self.image, &image, self.preview.as_deref(), exposure)?;
+        if let Some(path) = &self.spectral
+            && let Some(image) = image::spectral_of_part(film, false)?
+        {
+            write_image(path, &image, None, None)?;
+        }
+        Ok(preview)
+    }
 }
 
 /// Refuses a name that promises another format than OpenEXR.

@@ -133,7 +133,7 @@ fn films_bytes(loaded: &Loaded) -> (u64, u64) {
     let films = loaded.scene.sensors.iter().map(|s| s.whole_film().pixels());
     let pixels = films.max().unwrap_or(0);
     let films = film_bytes(pixels, &OutputRequest::default());
-    (films.saturating_mul(2), saving_bytes(pixels, 0, true))
+    (films.saturating_mul(2), saving_bytes(pixels, 0, 3))
 }
 
 /// Empty where the shutter is as it is by default.

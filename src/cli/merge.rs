@@ -1,12 +1,11 @@
 //! `abbe merge`: the images of disjoint passes, from their exact sums.
 
 use super::args::MergeOptions;
-use super::image_output::{check_ending, of_sensor, preview_path, write_image};
+use super::image_output::{FilmTargets, check_ending};
 use super::{CliError, Outcome, print, tell};
 use crate::io::destination::Claims;
-use crate::io::image;
 use crate::io::part::{self, Part, PartError};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Runs the command.
 pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
@@ -27,23 +26,9 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
             merged.header.channels
         )));
     }
-    let films = merged.header.each();
-    let targets: Vec<(PathBuf, Option<PathBuf>)> = films
-        .iter()
-        .map(|film| {
-            let image = match films.len() {
-                1 => options.output.clone(),
-                _ => of_sensor(&options.output, &film.sensor),
-            };
-            let preview = (!options.no_preview).then(|| preview_path(&image));
-            (image, preview)
-        })
-        .collect();
-    for path in targets
-        .iter()
-        .flat_map(|(image, preview)| [Some(image), preview.as_ref()])
-    {
-        path.map_or(Ok(()), |path| claims.output(path))?;
+    let targets = FilmTargets::of(&merged.header, &options.output, !options.no_preview);
+    for path in targets.iter().flat_map(FilmTargets::paths) {
+        claims.output(path)?;
     }
     let passes = merged.header.pass_count();
     if let Some(path) = &options.part {
@@ -55,13 +40,12 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
         (passes as usize, "pass", "passes"),
     ]
     .map(|(n, one, several)| format!("{n} {}", if n == 1 { one } else { several }));
-    for (film, (output, preview)) in merged.each().iter().zip(&targets) {
-        let image = image::of_part(film)?;
-        let preview = write_image(output, &image, preview.as_deref(), options.exposure)?;
+    for (film, target) in merged.each().iter().zip(&targets) {
+        let preview = target.write(film, options.exposure)?;
         if options.quiet {
             continue;
         }
-        print(&format!("{}: {part}, {pass}\n", output.display()))?;
+        print(&format!("{}: {part}, {pass}\n", target.image.display()))?;
         if let Some(text) = preview {
             print(&format!("  preview   {text}\n"))?;
         }

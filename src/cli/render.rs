@@ -236,7 +236,11 @@ fn need(options: &RenderOptions, loaded: &Loaded, request: &OutputRequest, crops
                 pixels
             },
             spectral_saved + 3 * options.aov.len() as u64,
-            options.part.is_some(),
+            if options.part.is_some() {
+                3 + spectral
+            } else {
+                0
+            },
         ),
         photons: 0,
     }

@@ -67,6 +67,17 @@ impl Quantity {
         }
     }
 
+    /// Of the sensor that an image with these attributes is of.
+    #[must_use]
+    pub fn of_attributes(attributes: &BTreeMap<String, String>) -> Self {
+        let is_detector = attributes.get(SENSOR_KIND).is_some_and(|k| k == DETECTOR);
+        match (is_detector, attributes.contains_key(PIXEL_ANGLE)) {
+            (false, _) => Self::Radiance,
+            (true, false) => Self::Irradiance,
+            (true, true) => Self::Intensity,
+        }
+    }
+
     /// The unit in a spectral image, per nanometer.
     #[must_use]
     pub fn spectral_unit(self) -> &'static str {
@@ -143,6 +154,7 @@ pub fn header(render: &Render) -> PartHeader {
         passes: pass_ranges(render.passes(), settings.seed),
         unfinished: None,
         companions: Vec::new(),
+        spectral: None,
     }
 }
 
@@ -221,6 +233,9 @@ fn image_values(
     if scene.polarization != Polarization::Average {
         values.push(("fresnel", scene.polarization.to_string()));
     }
+    if let Some(sequences) = &scene.sequences {
+        values.push(("sequences", sequences.source().to_owned()));
+    }
     let detector = scene.sensors[sensor].camera.as_detector();
     if detector.is_some_and(|d| matches!(d.aim, Some(Toward::Pupil(_)))) {
         values.push((FILM, "behind a lens".to_owned()));
@@ -233,9 +248,6 @@ pub const PIXEL_ASPECT: &str = "pixelAspectRatio";
 
 /// Attribute with the width and height of a detector's pixels.
 pub const PIXEL_PITCH: &str = "pixelPitch";
-    if let Some(sequences) = &scene.sequences {
-        values.push(("sequences", sequences.source().to_owned()));
-    }
 
 /// Attribute with the width and height of the pixels of a film over directions.
 pub const PIXEL_ANGLE: &str = "pixelAngle";

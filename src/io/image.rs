@@ -8,15 +8,19 @@ use super::exr::{
     spectral_channel_name, xyz_channels,
 };
 use super::identity::{self, Quantity};
-use super::part::{self, Part, PartError, PartHeader};
+use super::part::{self, Part, PartError, PartHeader, SpectralFilm};
 use crate::camera::Resolution;
 use crate::camera::far_field::FarField;
 use crate::develop::Development;
 use crate::film::{AddSumsError, Film, Filter};
+use crate::render::flux::SpectralFlux;
 use crate::render::{PixelMeasure, Render, Total};
 use crate::spectrum::SpectralChannels;
 use glam::DVec2;
 use std::path::{Path, PathBuf};
+
+/// Integrator whose pixels err together.
+const PSSMLT: &str = "pssmlt";
 
 /// The XYZ image of a render.
 #[must_use]
@@ -32,17 +36,44 @@ pub fn of_part(part: &Part) -> Result<ExrImage, AddSumsError> {
     Ok(xyz_image(&film_of_part(part)?, &part.header))
 }
 
-/// The film of a part.
+/// The film of the image of a part that holds one sensor.
 ///
 /// # Errors
 /// Where the sums do not fit the header.
 pub fn film_of_part(part: &Part) -> Result<Film, AddSumsError> {
     let header = &part.header;
+    let (image, _) = split_sums(header, &part.sums);
+    film_of_sums(header, header.channels as usize, image)
+}
+
+/// The sums of the image of a sensor, and those of its spectral film.
+fn split_sums<'s>(header: &PartHeader, sums: &'s [i128]) -> (&'s [i128], &'s [i128]) {
+    let count = header.image_sum_count().unwrap_or(0) as usize;
+    sums.split_at(count.min(sums.len()))
+}
+
+fn film_of_sums(header: &PartHeader, channels: usize, sums: &[i128]) -> Result<Film, AddSumsError> {
     // nothing is splatted any more: the filter does not matter
-    let film = Film::new(header.crop(), Filter::Box, header.channels as usize);
+    let film = Film::new(header.crop(), Filter::Box, channels);
     let mut film = film.with_exponent(header.exponent);
-    film.add_sums(&part.sums)?;
+    film.add_sums(sums)?;
     Ok(film)
+}
+
+/// The films of the images of a part, in its order.
+///
+/// # Errors
+/// Where the sums do not fit the header.
+pub fn films_of_part(part: &Part) -> Result<Vec<Film>, AddSumsError> {
+    let mut sums = &part.sums[..];
+    let film = |header: PartHeader| {
+        let count = header.sum_count().unwrap_or(0) as usize;
+        let (own, rest) = sums.split_at(count.min(sums.len()));
+        sums = rest;
+        let (image, _) = split_sums(&header, own);
+        film_of_sums(&header, header.channels as usize, image)
+    };
+    part.header.each().into_iter().map(film).collect()
 }
 
 /// Reads an image, or makes that of a part.
@@ -107,10 +138,10 @@ fn xyz_image(film: &Film, header: &PartHeader) -> ExrImage {
     }
 }
 
-/// Attribute with the luminous flux through the film of a detector.
-fn flux(film: &Film, header: &PartHeader) -> Option<(String, MetadataValue)> {
+/// Area or solid angle of the pixels of a detector; `None` for cameras.
+fn measure(header: &PartHeader) -> Option<PixelMeasure> {
     let attribute = |name: &str| header.image.get(name);
-    let pixels = match attribute(identity::PIXEL_ANGLE) {
+    Some(match attribute(identity::PIXEL_ANGLE) {
         Some(text) => {
             let PartHeader { width, height, .. } = *header;
             let pixel = DVec2::from_array(identity::angle_of_text(text)?).map(f64::to_radians);
@@ -126,13 +157,23 @@ fn flux(film: &Film, header: &PartHeader) -> Option<(String, MetadataValue)> {
             let [width, height] = identity::pitch_of_text(attribute(identity::PIXEL_PITCH)?)?;
             PixelMeasure::Uniform(width * height)
         }
-    };
-    let response = identity::response_of_unit(attribute(identity::UNIT)?);
-    let scale = response.photometric_unit();
+    })
+}
+
+/// Numbers of even and of odd passes.
+fn halves(header: &PartHeader) -> [u64; 2] {
     let even = |end: u64| end.div_ceil(2);
     let passes = header.passes.iter();
     let even: u64 = passes.map(|p| even(p.end) - even(p.start)).sum();
-    let total = Total::of(film, 1, &pixels, scale, [even, header.pass_count() - even]);
+    [even, header.pass_count() - even]
+}
+
+/// Attribute with the luminous flux through the film of a detector.
+fn flux(film: &Film, header: &PartHeader) -> Option<(String, MetadataValue)> {
+    let pixels = measure(header)?;
+    let response = identity::response_of_unit(header.image.get(identity::UNIT)?);
+    let scale = response.photometric_unit();
+    let total = Total::of(film, 1, &pixels, scale, halves(header));
     Some(flux_entry("", &total, "lm"))
 }
 
@@ -189,6 +230,30 @@ fn metadata(header: &PartHeader) -> ImageMetadata {
 pub fn spectral_of(render: &Render, with_noise: bool) -> Option<ExrImage> {
     let (spectral, film) = render.outputs().spectral.as_ref()?;
     let header = identity::header(render);
+    Some(spectral_image(spectral, film, &header, with_noise))
+}
+
+/// The spectral image of a part that holds one sensor; `None` where it has no spectral film.
+///
+/// # Errors
+/// Where the sums do not fit the header.
+pub fn spectral_of_part(part: &Part, with_noise: bool) -> Result<Option<ExrImage>, AddSumsError> {
+    let header = &part.header;
+    let spectral = header.spectral.as_ref().and_then(SpectralFilm::channels);
+    let Some(spectral) = spectral else {
+        return Ok(None);
+    };
+    let (_, sums) = split_sums(header, &part.sums);
+    let film = film_of_sums(header, spectral.count(), sums)?;
+    Ok(Some(spectral_image(&spectral, &film, header, with_noise)))
+}
+
+fn spectral_image(
+    spectral: &SpectralChannels,
+    film: &Film,
+    header: &PartHeader,
+    with_noise: bool,
+) -> ExrImage {
     let bins = spectral.bin_centers_nm().map(spectral_channel_name);
     let lines = spectral
         .lines_nm()
@@ -204,17 +269,26 @@ pub fn spectral_of(render: &Render, with_noise: bool) -> Option<ExrImage> {
         }
     });
     let mut channels: Vec<Channel> = channels.collect();
+    let halves = halves(header);
     if with_noise {
-        channels.extend(spectral_noise(render, spectral, film));
+        channels.extend(spectral_noise(spectral, film, halves));
     }
-    let mut metadata = metadata(&header);
-    let units = Quantity::of(render.scene(), render.sensor()).spectral_unit();
+    let mut metadata = metadata(header);
+    let units = Quantity::of_attributes(&header.image).spectral_unit();
     // readers know a spectral image by these two; per nanometer is understood
     for (name, value) in [("spectralLayoutVersion", "1.0"), ("emissiveUnits", units)] {
         let value = MetadataValue::Text(value.to_owned());
         metadata.entries.push((name.to_owned(), value));
     }
-    if let Some(flux) = render.flux() {
+    if let Some(pixels) = measure(header) {
+        let mut flux = SpectralFlux::new(spectral, film, &pixels, halves);
+        if header
+            .image
+            .get("integrator")
+            .is_some_and(|name| name == PSSMLT)
+        {
+            flux = flux.without_errors();
+        }
         let lines = flux.lines_w.iter();
         let lines = lines.map(|(nm, watts)| flux_entry(&format!("{nm}nm"), watts, "W"));
         metadata.entries.extend(lines);
@@ -224,20 +298,19 @@ pub fn spectral_of(render: &Render, with_noise: bool) -> Option<ExrImage> {
     }
     // the one unit that the response has, whatever that of the XYZ image
     metadata.entries.retain(|(name, _)| name != "unit");
-    Some(ExrImage {
+    ExrImage {
         width: header.width,
         height: header.height,
         crop: header.crop(),
         channels,
         metadata,
-    })
+    }
 }
 
 /// Noise of the lines of a spectral image, and of the sum over its bins.
-fn spectral_noise(render: &Render, spectral: &SpectralChannels, film: &Film) -> Vec<Channel> {
+fn spectral_noise(spectral: &SpectralChannels, film: &Film, [even, odd]: [u64; 2]) -> Vec<Channel> {
     let lines = spectral.lines_nm();
     let bins = spectral.count() - lines.len();
-    let [even, odd] = render.pass_counts();
     let pixels = film.crop().pixels() as usize;
     let noise = |channel| {
         let noise = film.noise(channel, even, odd);

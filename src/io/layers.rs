@@ -8,7 +8,6 @@ use crate::render::bias::bias_image;
 use crate::render::expression::{DIRECT, GHOSTS, PathExpression};
 use crate::render::guides::{Guide, guides};
 use crate::render::{OutputRequest, Render};
-use crate::spectrum::SpectralChannels;
 use std::str::FromStr;
 use std::sync::PoisonError;
 
@@ -126,11 +125,7 @@ pub fn request(
     bins: Option<u16>,
     class_table: bool,
 ) -> Result<OutputRequest, String> {
-    let spectral = bins.map(|bins| {
-        let lines = loaded.scene.wavelengths.atoms().map(|(nm, _)| nm).collect();
-        let range_nm = loaded.scene.wavelength_settings.range_nm;
-        SpectralChannels::new(range_nm, usize::from(bins), lines)
-    });
+    let spectral = bins.map(|bins| loaded.spectral_channels(bins));
     let class = |layer: &Layer| match layer {
         Layer::Class(source) => {
             let compiled = PathExpression::new(source, &loaded.scene);

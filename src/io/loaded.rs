@@ -3,7 +3,7 @@
 use super::scene_file::{self, LoadedScene, OutputUnits, SceneFileErrors};
 use crate::scene::frozen::Frozen;
 use crate::scene::{Scene, Settings};
-use crate::spectrum::SensorResponse;
+use crate::spectrum::{SensorResponse, SpectralChannels};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -104,6 +104,15 @@ impl Loaded {
                 there: names.join(", "),
             }
         })
+    }
+
+    /// Channels of a spectral image of so many bins over the range of wavelengths, and of each
+    /// line.
+    #[must_use]
+    pub fn spectral_channels(&self, bins: u16) -> SpectralChannels {
+        let lines = self.scene.wavelengths.atoms().map(|(nm, _)| nm).collect();
+        let range_nm = self.scene.wavelength_settings.range_nm;
+        SpectralChannels::new(range_nm, usize::from(bins), lines)
     }
 
     /// Response of the main image.

@@ -7,10 +7,10 @@ use super::thaw;
 use crate::film::Crop;
 use crate::io::atomic::{FileError, folder, write_atomic};
 use crate::io::files::open_regular;
-use crate::io::identity::{self, VERSION};
-use crate::io::loaded;
+use crate::io::identity::VERSION;
+use crate::io::{loaded, part};
 use crate::render::session::NO_LIMIT;
-use crate::render::{OutputRequest, Session, SessionOptions};
+use crate::render::{Choices, OutputRequest, Render, Session, SessionOptions, shared_order};
 use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::{self, ErrorKind, Read, Write};
@@ -55,6 +55,10 @@ pub struct Request {
     pub overrides: Vec<(String, String)>,
     /// Sensor, by name; `None`: the only one.
     pub sensor: Option<String>,
+    /// All detectors, filled by one set of light sub-paths.
+    pub together: bool,
+    /// Bins of a spectral image, if one is kept.
+    pub spectral: Option<u16>,
     /// Rendered part of the film; `None`: all of it.
     pub crop: Option<Crop>,
     /// Error below which it ends.
@@ -94,19 +98,30 @@ pub fn make(path: &Path, request: &Request) -> Result<Made, JobError> {
     } else {
         settings.spp
     };
+    let sensors = if request.together {
+        shared_order(&read.scene)
+    } else {
+        vec![read.sensor(request.sensor.as_deref())?]
+    };
     let options = SessionOptions {
-        sensor: read.sensor(request.sensor.as_deref())?,
+        sensor: sensors[0],
+        companions: sensors[1..].to_vec(),
         crop: request.crop,
         outputs: OutputRequest {
             response: read.response(),
+            spectral: request.spectral.map(|bins| read.spectral_channels(bins)),
             ..OutputRequest::default()
         },
         passes: Some(0..passes.min(MOST_MEASURED)),
         ..SessionOptions::default()
     };
     let mut session = Session::new(Arc::clone(&read.scene), settings, options)?;
-    let header = identity::header(&session.render());
-    let choices = serde_json::to_vec(session.render().choices());
+    let header = part::header_of(&session.render());
+    let choices = {
+        let render = session.render();
+        let all: Vec<&Choices> = render.and_companions().map(Render::choices).collect();
+        serde_json::to_vec(&all)
+    };
     let choices = choices.map_err(|e| JobError::format(path, e.to_string()))?;
     let (chunk, pass_time) = match request.chunk {
         ChunkLength::Passes(passes) => (passes, None),

@@ -14,7 +14,7 @@ use std::path::{Component, Path};
 use std::time::Duration;
 
 /// Version of the form of job folders.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 /// Largest manifest.
 pub const MAX_BYTES: u64 = 16 << 20;
 /// Most files, and most bytes of all of them.
@@ -64,7 +64,8 @@ pub struct Manifest {
     /// Time without a sign of life after which a worker counts as dead.
     #[serde(with = "milliseconds")]
     pub lease_ms: Duration,
-    /// Results of the pilots, the one file that is not of the scene.
+    /// Results of the pilots of the sensor and of each companion, the one file that is not of the
+    /// scene.
     pub choices: Copy,
     /// Files of the scene.
     pub files: Vec<Copy>,
@@ -110,8 +111,10 @@ impl Manifest {
     /// Bytes of a part at most, without its header.
     #[must_use]
     pub fn part_bytes(&self) -> u64 {
-        let sums = self.header.crop().pixels() * u64::from(self.header.channels);
-        sums.saturating_mul(2 * 16)
+        self.header
+            .sum_count()
+            .unwrap_or(u64::MAX)
+            .saturating_mul(16)
     }
 
     /// Reads a manifest from its text; `path` stands for it in messages.
@@ -260,6 +263,7 @@ mod tests {
                 passes: Vec::new(),
                 unfinished: None,
                 companions: Vec::new(),
+                spectral: None,
             },
             seed: 0,
             passes: 10,

@@ -6,7 +6,7 @@ use super::claims::{Claim, Seen};
 use super::folder::Folder;
 use super::{Block, JobError};
 use crate::film::AddSumsError;
-use crate::io::image::film_of_part;
+use crate::io::image::films_of_part;
 use crate::io::part::Part;
 use crate::render::ErrorEstimate;
 use crate::render::error::error_estimate;
@@ -106,7 +106,7 @@ impl Status {
     }
 }
 
-/// The error of a part.
+/// The error of a part: of several films the largest.
 ///
 /// # Errors
 /// The sums do not fit the header.
@@ -115,5 +115,7 @@ pub fn error_of(part: &Part) -> Result<Option<ErrorEstimate>, AddSumsError> {
     let odd = part.header.passes.iter().map(|p| odd(p.end) - odd(p.start));
     let odd: u64 = odd.sum();
     let even = part.header.pass_count() - odd;
-    Ok(error_estimate(&film_of_part(part)?, even, odd))
+    let films = films_of_part(part)?;
+    let errors = films.iter().filter_map(|f| error_estimate(f, even, odd));
+    Ok(errors.reduce(|a, b| if b.relative > a.relative { b } else { a }))
 }

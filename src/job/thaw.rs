@@ -7,9 +7,8 @@ use super::freeze::{MAX_BYTES, copy_hashed};
 use super::manifest::Copy;
 use crate::io::atomic::FileError;
 use crate::io::files::open_regular;
-use crate::io::identity;
 use crate::io::loaded::{self, Loaded};
-use crate::io::part;
+use crate::io::part::{self, SpectralFilm};
 use crate::render::{Cancel, Choices, OutputRequest, Session, SessionError, SessionOptions};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write as _};
@@ -48,26 +47,32 @@ pub fn scene(job: &Folder) -> Result<Thawed, JobError> {
     let written = written.map_err(|e| FileError::new(&std::env::temp_dir(), e))?;
     take(job, &manifest.choices, written.path(), MAX_CHOICES_BYTES)?;
     let text = fs::read(written.path()).map_err(|e| FileError::new(written.path(), e))?;
-    let choices: Choices = serde_json::from_slice(&text).map_err(|e| {
-        JobError::format(
-            &job.at("files").join(&manifest.choices.sha256),
-            e.to_string(),
-        )
-    })?;
+    let broken =
+        |message| JobError::format(&job.at("files").join(&manifest.choices.sha256), message);
+    let choices: Vec<Choices> = serde_json::from_slice(&text).map_err(|e| broken(e.to_string()))?;
+    let mut choices = choices.into_iter();
+    let own = choices.next();
+    let own = own.ok_or_else(|| broken("holds no results of pilots".to_owned()))?;
+    let companions = manifest.header.companions.iter();
+    let companions = companions.map(|film| loaded.sensor(Some(&film.sensor)));
+    let companions = companions.collect::<Result<_, _>>()?;
     let options = SessionOptions {
         sensor: loaded.sensor(Some(&manifest.header.sensor))?,
         crop: Some(manifest.header.crop()),
         outputs: OutputRequest {
             response: loaded.response(),
+            spectral: (manifest.header.spectral.as_ref()).and_then(SpectralFilm::channels),
             ..OutputRequest::default()
         },
-        choices: Some(choices),
+        companions,
+        choices: Some(own),
+        companion_choices: Some(choices.collect()),
         live: true,
         ..SessionOptions::default()
     };
     let found = {
         let session = session(&loaded, &options, 0..0, Cancel::default())?;
-        identity::header(&session.render())
+        part::header_of(&session.render())
     };
     part::check_identical(&manifest.header, &found)?;
     Ok(Thawed { loaded, options })

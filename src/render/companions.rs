@@ -1,10 +1,20 @@
 //! Companions of a render: detectors that its light sub-paths fill as well, so that several planes
 //! of one bench cost one render.
 
-use super::{ClassTable, Outputs, PilotPasses, Render, SessionError};
-use crate::film::AddSumsError;
+use super::{Choices, ClassTable, Outputs, PilotPasses, Render, SessionError};
+use crate::film::{AddSumsError, Film};
 use crate::integrator::{Companion, SensorJob};
+use crate::scene::Scene;
 use crate::scene::settings::IntegratorKind;
+use std::cmp::Reverse;
+
+/// All sensors of a scene as they share light sub-paths: the one with most pixels leads.
+#[must_use]
+pub fn shared_order(scene: &Scene) -> Vec<usize> {
+    let mut all: Vec<usize> = (0..scene.sensors.len()).collect();
+    all.sort_by_key(|&sensor| Reverse(scene.sensors[sensor].whole_film().pixels()));
+    all
+}
 
 impl Render {
     /// The detectors that its light sub-paths fill as well. Their films hold the same passes as its
@@ -20,12 +30,18 @@ impl Render {
         std::iter::once(self).chain(&self.companions)
     }
 
-    /// Adds detectors to be filled, before the first pass.
+    /// Adds detectors to be filled, before the first pass, with the results of their pilots where
+    /// these have run before.
     pub(super) fn add_companions(
         &mut self,
         sensors: &[usize],
+        choices: Option<Vec<Choices>>,
         pilot: PilotPasses,
     ) -> Result<(), SessionError> {
+        if choices.as_ref().is_some_and(|c| c.len() != sensors.len()) {
+            return Err(SessionError::Choices);
+        }
+        let mut choices = choices.map(Vec::into_iter);
         for &sensor in sensors {
             let (index, count) = (sensor, self.scene.sensors.len());
             if index >= count {
@@ -41,7 +57,11 @@ impl Render {
             }
             let crop = self.scene.sensors[sensor].whole_film();
             let (scene, settings, request) = (&self.scene, &self.settings, &self.request);
-            let companion = Self::with_pilot(scene, sensor, settings, crop, request, pilot);
+            let companion = match choices.as_mut().and_then(Iterator::next) {
+                Some(found) => Self::with_choices(scene, sensor, settings, crop, request, found)
+                    .ok_or(SessionError::Choices)?,
+                None => Self::with_pilot(scene, sensor, settings, crop, request, pilot),
+            };
             self.companions.push(companion);
         }
         Ok(())
@@ -87,16 +107,14 @@ impl Render {
         passes: &[u32],
         sums: &[i128],
     ) -> Result<(), AddSumsError> {
-        let counts: Vec<usize> = self
-            .films()
-            .iter()
-            .map(|film| 2 * half_sums(film))
-            .collect();
+        let films = self.films().into_iter().flat_map(Outputs::part_films);
+        let counts: Vec<usize> = films.map(|film| 2 * half_sums(film)).collect();
         let each = split(sums, &counts)?;
         let renders = std::iter::once(&mut self.outputs);
         let companions = self.companions.iter_mut().map(|r| &mut r.outputs);
-        for (outputs, sums) in renders.chain(companions).zip(each) {
-            outputs.image.add_sums(sums)?;
+        let films = renders.chain(companions).flat_map(Outputs::part_films_mut);
+        for (film, sums) in films.zip(each) {
+            film.add_sums(sums)?;
         }
         self.passes.extend(passes);
         for companion in &mut self.companions {
@@ -141,9 +159,9 @@ impl Render {
     }
 }
 
-/// Number of sums of one half of an image.
-pub(super) fn half_sums(film: &Outputs) -> usize {
-    film.image.crop().pixels() as usize * film.image.channels()
+/// Number of sums of one half of a film.
+pub(super) fn half_sums(film: &Film) -> usize {
+    film.crop().pixels() as usize * film.channels()
 }
 
 /// Sums of all films, film by film.

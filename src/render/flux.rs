@@ -8,6 +8,7 @@ use super::Outputs;
 use crate::camera::Camera;
 use crate::film::{Crop, Film};
 use crate::geometry::Moment;
+use crate::spectrum::SpectralChannels;
 use std::fmt;
 
 /// A sum over a film.
@@ -90,6 +91,50 @@ impl fmt::Display for Total {
     }
 }
 
+/// Radiant flux through a detector, line by line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpectralFlux {
+    /// Wavelength in nanometers and radiant flux in watts of each emission line.
+    pub lines_w: Vec<(f64, Total)>,
+    /// The radiant flux besides the lines, in watts, where there are bins.
+    pub continuum_w: Option<Total>,
+}
+
+impl SpectralFlux {
+    /// Sums of a spectral film whose halves hold so many passes.
+    #[must_use]
+    pub fn new(
+        channels: &SpectralChannels,
+        film: &Film,
+        pixels: &PixelMeasure,
+        passes: [u64; 2],
+    ) -> Self {
+        let lines = channels.lines_nm();
+        let bins = channels.count() - lines.len();
+        let total = |channel, scale| Total::of(film, channel, pixels, scale, passes);
+        let of_line = |(i, &nm)| (nm, total(bins + i, 1.0));
+        Self {
+            lines_w: lines.iter().enumerate().map(of_line).collect(),
+            // bins of one path share its wavelengths, but not their noise
+            continuum_w: (0..bins)
+                .map(|bin| total(bin, channels.bin_width_nm()))
+                .reduce(|sum, bin| Total {
+                    value: sum.value + bin.value,
+                    error: sum.error.zip(bin.error).map(|(a, b)| a.hypot(b)),
+                }),
+        }
+    }
+
+    /// The same, of pixels whose errors are not independent.
+    #[must_use]
+    pub fn without_errors(mut self) -> Self {
+        let lines = self.lines_w.iter_mut().map(|line| &mut line.1);
+        let totals = lines.chain(&mut self.continuum_w);
+        totals.for_each(|total| total.error = None);
+        self
+    }
+}
+
 /// Flux through a detector.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flux {
@@ -120,21 +165,10 @@ impl Flux {
                 })
                 .collect(),
         };
-        let Some((channels, film)) = &outputs.spectral else {
-            return flux;
-        };
-        let lines = channels.lines_nm();
-        let bins = channels.count() - lines.len();
-        let total = |channel, scale| Total::of(film, channel, pixels, scale, passes);
-        let of_line = |(i, &nm)| (nm, total(bins + i, 1.0));
-        flux.lines_w = lines.iter().enumerate().map(of_line).collect();
-        // bins of one path share its wavelengths, but not their noise
-        flux.continuum_w = (0..bins)
-            .map(|bin| total(bin, channels.bin_width_nm()))
-            .reduce(|sum, bin| Total {
-                value: sum.value + bin.value,
-                error: sum.error.zip(bin.error).map(|(a, b)| a.hypot(b)),
-            });
+        if let Some((channels, film)) = &outputs.spectral {
+            let spectral = SpectralFlux::new(channels, film, pixels, passes);
+            (flux.lines_w, flux.continuum_w) = (spectral.lines_w, spectral.continuum_w);
+        }
         flux
     }
 

@@ -32,12 +32,12 @@ const LAYER_BYTES: u64 = 12;
 const PART_HALVES: u64 = 3;
 
 /// Bytes that saving takes beside the films, at most at once: the image of so many pixels with the
-/// channels of its layers, or its part.
+/// channels of its layers, or its part with so many channels (0: there is none).
 #[must_use]
-pub fn saving_bytes(pixels: u64, layer_channels: u64, with_part: bool) -> u64 {
+pub fn saving_bytes(pixels: u64, layer_channels: u64, part_channels: u64) -> u64 {
     let image = IMAGE_BYTES + LAYER_BYTES * layer_channels;
-    let part = 3 * PART_HALVES * size_of::<i128>() as u64;
-    pixels.saturating_mul(image.max(if with_part { part } else { 0 }))
+    let part = part_channels * PART_HALVES * size_of::<i128>() as u64;
+    pixels.saturating_mul(image.max(part))
 }
 
 /// Bytes of the objects, lights and sensors of a scene by themselves, and of the tree over them.

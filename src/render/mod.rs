@@ -25,6 +25,7 @@ pub mod tries;
 pub mod variance;
 
 pub use choices::Choices;
+pub use companions::shared_order;
 pub use effort::EffortChoice;
 pub use epsilon::EpsilonChoice;
 pub use error::ErrorEstimate;

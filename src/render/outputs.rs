@@ -130,6 +130,18 @@ impl Outputs {
         }
     }
 
+    /// The films whose sums parts hold: the image, then the spectral one, if it is kept.
+    pub fn part_films(&self) -> impl Iterator<Item = &Film> {
+        let spectral = self.spectral.as_ref().map(|(_, film)| film);
+        std::iter::once(&self.image).chain(spectral)
+    }
+
+    /// The same, to be added to.
+    pub fn part_films_mut(&mut self) -> impl Iterator<Item = &mut Film> {
+        let spectral = self.spectral.as_mut().map(|(_, film)| film);
+        std::iter::once(&mut self.image).chain(spectral)
+    }
+
     /// Moves everything of other images of the same request into these, and leaves those empty.
     pub fn take(&mut self, other: &mut Self) {
         self.image.take(&mut other.image);

@@ -42,6 +42,8 @@ pub struct SessionOptions {
     pub pilot: Option<PilotPasses>,
     /// Results of the pilots, where they have run before; `None`: they run.
     pub choices: Option<Choices>,
+    /// The same of each companion.
+    pub companion_choices: Option<Vec<Choices>>,
     /// Ends the session from outside: between passes, or in a live session between pixels.
     pub cancel: Cancel,
     /// Readers never wait for a pass, nor see one that is not whole: each is traced into films of
@@ -186,7 +188,7 @@ impl Session {
                 .ok_or(SessionError::Choices)?,
             None => Render::with_pilot(&scene, index, settings, crop, outputs, pilot),
         };
-        render.add_companions(&options.companions, pilot)?;
+        render.add_companions(&options.companions, options.companion_choices, pilot)?;
         Ok(Self {
             staging: options.live.then(|| render.empty_films()),
             flight: None,
@@ -251,9 +253,11 @@ impl Session {
         if !fits {
             return Err(AddSumsError::Length { expected, found });
         }
-        let counts: Vec<usize> = films.iter().map(companions::half_sums).collect();
-        for (film, sums) in films.iter_mut().zip(companions::split(&sums, &counts)?) {
-            film.image.add_sums_to_half(pass as usize & 1, sums)?;
+        let all = films.iter().flat_map(Outputs::part_films);
+        let counts: Vec<usize> = all.map(companions::half_sums).collect();
+        let all = films.iter_mut().flat_map(Outputs::part_films_mut);
+        for (film, sums) in all.zip(companions::split(&sums, &counts)?) {
+            film.add_sums_to_half(pass as usize & 1, sums)?;
         }
         self.staging = Some(films);
         self.flight = Some(Flight {
@@ -272,7 +276,8 @@ impl Session {
             done: flight.done.clone(),
             sums: films
                 .iter()
-                .flat_map(|film| film.image.sums_of_half(flight.index as usize & 1))
+                .flat_map(Outputs::part_films)
+                .flat_map(|film| film.sums_of_half(flight.index as usize & 1))
                 .collect(),
         })
     }

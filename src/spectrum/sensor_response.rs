@@ -129,6 +129,12 @@ impl SpectralChannels {
         }
     }
 
+    /// Range of the bins, in nanometres.
+    #[must_use]
+    pub fn range_nm(&self) -> [f64; 2] {
+        self.range_nm
+    }
+
     /// Centres of the bins, in nanometres.
     pub fn bin_centers_nm(&self) -> impl Iterator<Item = f64> {
         let (start, width) = (self.range_nm[0], self.bin_width_nm());

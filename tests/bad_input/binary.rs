@@ -50,6 +50,7 @@ pub fn valid_part() -> Vec<u8> {
         }],
         unfinished: Some(part::UnfinishedName { seed: 0, pass: 4 }),
         companions: Vec::new(),
+        spectral: None,
     };
     part::write(
         &path,

@@ -112,13 +112,13 @@ fn parts_hold_all_detectors() {
     let dir = bench();
     succeed(
         dir.path(),
-        "render bench.toml --together -q -o whole.exr --no-preview",
+        "render bench.toml --together --spectral 2 -q -o whole.exr --no-preview",
     );
     for (range, name) in [("0..5", "a"), ("5..16", "b")] {
         let part = format!("--passes {range} --part {name}.part -o {name}.exr");
         succeed(
             dir.path(),
-            &format!("render bench.toml --together -q --no-preview {part}"),
+            &format!("render bench.toml --together --spectral 2 -q --no-preview {part}"),
         );
     }
     succeed(
@@ -127,9 +127,9 @@ fn parts_hold_all_detectors() {
     );
     succeed(
         dir.path(),
-        "render bench.toml --together -q --no-preview --part a.part --resume -o resumed.exr",
+        "render bench.toml --together --spectral 2 -q --no-preview --part a.part --resume -o resumed.exr",
     );
-    for film in ["far", "near"] {
+    for film in ["far", "near", "far.spectral", "near.spectral"] {
         for of in ["merged", "resumed"] {
             assert_same(
                 &dir,
@@ -139,6 +139,39 @@ fn parts_hold_all_detectors() {
         }
     }
     assert_same(&dir, "a.part", "all.part");
+    // so does a job, whose chunks are merged by fours
+    let new = "job new bench.toml --together --spectral 2 -o job --chunk 3 -q";
+    succeed(dir.path(), new);
+    succeed(dir.path(), "job run job -q");
+    let status = json(&succeed(dir.path(), "job status job --json"));
+    let error = status["error"].as_f64();
+    assert!(status["done"] == 6 && error > Some(0.0), "{status}");
+    succeed(dir.path(), "job collect job -o job.exr --part job.part");
+    assert_same(&dir, "a.part", "job.part");
+    for film in ["far", "near", "far.spectral", "near.spectral"] {
+        assert_same(
+            &dir,
+            &format!("whole.{film}.exr"),
+            &format!("job.{film}.exr"),
+        );
+    }
+    let message = fail(dir.path(), &format!("{new} --sensor far"), 2);
+    assert!(message.contains("cannot be used with"), "{message}");
+    let message = fail(
+        dir.path(),
+        "job new bench.toml --together -o other --set render.integrator=path",
+        1,
+    );
+    assert!(message.contains("only light tracing can"), "{message}");
+    let message = fail(
+        dir.path(),
+        "render bench.toml --together --part a.part --resume -q",
+        1,
+    );
+    assert!(
+        message.contains("another spectral image (--spectral)"),
+        "{message}"
+    );
     let message = fail(
         dir.path(),
         "render bench.toml --sensor far --part a.part --resume -q",
@@ -155,39 +188,6 @@ fn parts_hold_all_detectors() {
     );
 }
 
-#[test]
-fn spots_are_measured_line_by_line() {
-    let dir = bench();
-    succeed(
-        dir.path(),
-        "render bench.toml --sensor far -o far.exr --spectral 1 -q --spp 64",
-    );
-    let spots = succeed(dir.path(), "spot far.spectral.exr --drawing spot.svg");
-    assert!(
-        spots.contains("no standard errors: they need a render with --aov noise"),
-        "{spots}"
-    );
-    assert!(
-        spots.contains("486.1327 nm") && spots.contains("656.2725 nm"),
-        "{spots}"
-    );
-    let svg = super::text(&super::bytes(&dir, "spot.svg"));
-    assert!(
-        svg.starts_with("<svg") && svg.matches("<polyline").count() == 6,
-        "{svg}"
-    );
-    let found = json(&succeed(
-        dir.path(),
-        "spot far.spectral.exr --json --frequencies 0.5,1",
-    ));
-    let spot = |i: usize| &found["spots"][i];
-    let number = |i: usize, key: &str| spot(i)[key].as_f64().expect("a number");
-    // the beam is off the axis by 1 mm, red is bent less: farther from the axis, and larger
-    let x = |i: usize| spot(i)["centroid"][0].as_f64().expect("a number");
-    assert!(
-        x(0).abs() < x(1).abs() && number(0, "rms") < number(1, "rms"),
-        "{found:#}"
-    );
 /// Held to the ghost of the lens, detectors get nothing else; images, parts and `info` say so.
 #[test]
 fn paths_are_held_to_sequences() {
@@ -261,6 +261,39 @@ fn paths_are_held_to_sequences() {
     }
 }
 
+#[test]
+fn spots_are_measured_line_by_line() {
+    let dir = bench();
+    succeed(
+        dir.path(),
+        "render bench.toml --sensor far -o far.exr --spectral 1 -q --spp 64",
+    );
+    let spots = succeed(dir.path(), "spot far.spectral.exr --drawing spot.svg");
+    assert!(
+        spots.contains("no standard errors: they need a render with --aov noise"),
+        "{spots}"
+    );
+    assert!(
+        spots.contains("486.1327 nm") && spots.contains("656.2725 nm"),
+        "{spots}"
+    );
+    let svg = super::text(&super::bytes(&dir, "spot.svg"));
+    assert!(
+        svg.starts_with("<svg") && svg.matches("<polyline").count() == 6,
+        "{svg}"
+    );
+    let found = json(&succeed(
+        dir.path(),
+        "spot far.spectral.exr --json --frequencies 0.5,1",
+    ));
+    let spot = |i: usize| &found["spots"][i];
+    let number = |i: usize, key: &str| spot(i)[key].as_f64().expect("a number");
+    // the beam is off the axis by 1 mm, red is bent less: farther from the axis, and larger
+    let x = |i: usize| spot(i)["centroid"][0].as_f64().expect("a number");
+    assert!(
+        x(0).abs() < x(1).abs() && number(0, "rms") < number(1, "rms"),
+        "{found:#}"
+    );
     // both lines have the same power but for Fresnel's losses, of 65 536 paths
     assert!((number(0, "power") / number(1, "power") - 1.0).abs() < 0.05);
     // with the noise of the pixels all figures have errors, and other figures are no other

@@ -141,6 +141,7 @@ fn merged_parts_equal_one_run() {
             passes: vec![range],
             unfinished: None,
             companions: Vec::new(),
+            spectral: None,
         };
         Part {
             header,

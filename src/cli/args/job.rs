@@ -55,6 +55,13 @@ pub struct NewJobOptions {
     /// Renders this sensor
     #[arg(long, value_name = "NAME")]
     pub sensor: Option<String>,
+    /// Fills all detectors by one set of light sub-paths (with the integrator light)
+    #[arg(long, conflicts_with_all = ["sensor", "crop"])]
+    pub together: bool,
+    /// Also keeps the spectral image, with BINS channels over the range of wavelengths and one for
+    /// each emission line
+    #[arg(long, value_name = "BINS", num_args = 0..=1, default_missing_value = "47", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    pub spectral: Option<u16>,
     /// Renders only the pixels X0 <= x < X1, Y0 <= y < Y1
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = values::crop)]
     pub crop: Option<Crop>,

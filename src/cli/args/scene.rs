@@ -104,7 +104,7 @@ pub struct RenderOptions {
     #[arg(long, value_name = "BINS", num_args = 0..=1, default_missing_value = "47", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub spectral: Option<u16>,
     /// Writes the exact sums of the passes, for `abbe merge` and --resume
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["aov", "spectral"])]
+    #[arg(long, value_name = "FILE", conflicts_with = "aov")]
     pub part: Option<PathBuf>,
     /// Continues with the passes that the file given by --part does not hold yet
     #[arg(long, requires = "part")]

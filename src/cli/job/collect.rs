@@ -2,11 +2,11 @@
 
 use super::run::damage;
 use crate::cli::args::CollectOptions;
-use crate::cli::image_output::{check_ending, preview_path, write_image};
+use crate::cli::image_output::{FilmTargets, check_ending};
 use crate::cli::{CliError, Outcome, print, tell};
 use crate::io::destination::Claims;
+use crate::io::part;
 use crate::io::part::Part;
-use crate::io::{image, part};
 use crate::job::Folder;
 use crate::job::status::error_of;
 use crate::report::readable::counted;
@@ -14,15 +14,12 @@ use crate::report::readable::counted;
 /// Runs the command.
 pub fn run(options: &CollectOptions) -> Result<Outcome, CliError> {
     let job = Folder::open(&options.job)?;
-    let preview = (!options.no_preview).then(|| preview_path(&options.output));
     check_ending(&options.output)?;
+    let header = &job.manifest.header;
+    let targets = FilmTargets::of(header, &options.output, !options.no_preview);
     let mut claims = Claims::of_inputs([options.job.join("job.json")]);
-    let outputs = [
-        Some(&options.output),
-        preview.as_ref(),
-        options.part.as_ref(),
-    ];
-    for path in outputs.into_iter().flatten() {
+    let images = targets.iter().flat_map(FilmTargets::paths);
+    for path in images.chain(&options.part) {
         claims.output(path)?;
     }
     let Some(sum) = job.sum(|found| tell(&damage(found)))? else {
@@ -32,20 +29,22 @@ pub fn run(options: &CollectOptions) -> Result<Outcome, CliError> {
     if options.remove {
         check_finished(&job, &sum)?;
     }
-    let (preview, exposure) = (preview.as_deref(), options.exposure);
-    let preview = write_image(&options.output, &image::of_part(&sum)?, preview, exposure)?;
     if let Some(path) = &options.part {
         part::write(path, &sum)?;
     }
     let passes = sum.header.pass_count();
     let status = job.status()?;
-    if !options.quiet {
-        let all = match status.passes {
-            Some(all) if u64::from(all) > passes => format!(" of {all}"),
-            _ => String::new(),
-        };
-        let passes = counted(passes, "pass", "passes");
-        print(&format!("{}: {passes}{all}\n", options.output.display()))?;
+    let all = match status.passes {
+        Some(all) if u64::from(all) > passes => format!(" of {all}"),
+        _ => String::new(),
+    };
+    let passes = counted(passes, "pass", "passes");
+    for (film, target) in sum.each().iter().zip(&targets) {
+        let preview = target.write(film, options.exposure)?;
+        if options.quiet {
+            continue;
+        }
+        print(&format!("{}: {passes}{all}\n", target.image.display()))?;
         if let Some(text) = preview {
             print(&format!("  preview   {text}\n"))?;
         }

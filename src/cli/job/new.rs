@@ -14,6 +14,8 @@ pub fn run(options: &NewJobOptions) -> Result<Outcome, CliError> {
         scene: options.scene.clone(),
         overrides: options.scene_overrides(),
         sensor: options.sensor.clone(),
+        together: options.together,
+        spectral: options.spectral,
         crop: options.crop,
         target_error: options.target_error,
         is_endless: options.target_error.is_some() && options.spp.is_none(),

@@ -80,6 +80,10 @@ impl Found {
         // who works on the job or collects it tells of damage
         let sum = job.sum(|_| {})?;
         let sum = sum.ok_or_else(|| CliError::file(path, "no chunk is done yet"))?;
+        if !sum.header.companions.is_empty() {
+            let text = "holds several detectors: make their images by abbe job collect";
+            return Err(CliError::file(path, text));
+        }
         Ok(Self {
             image: image::of_part(&sum)?,
             passes: sum.header.pass_count(),

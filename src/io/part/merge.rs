@@ -104,6 +104,15 @@ fn check_same(a: &PartHeader, b: &PartHeader) -> Result<(), PartError> {
     )?;
     differ("crop", format!("{:?}", a.crop), format!("{:?}", b.crop))?;
     differ("channels", a.channels.to_string(), b.channels.to_string())?;
+    let spectral = |header: &PartHeader| match &header.spectral {
+        None => "none".to_owned(),
+        Some(film) => {
+            let [low, high] = &film.range_nm;
+            let (bins, lines) = (film.bins, film.lines_nm.join(", "));
+            format!("{bins} from {low} to {high} nm, lines {lines}")
+        }
+    };
+    differ("spectral channels", spectral(a), spectral(b))?;
     differ("exponent", a.exponent.to_string(), b.exponent.to_string())?;
     differ(
         "passes of the pilot",

@@ -6,13 +6,15 @@
 
 mod format;
 mod merge;
+mod spectral;
 
 pub use format::{fuzz_part, is_part, read, read_as, write, write_packed};
 pub use merge::{check_identical, merge, merge_each};
+pub use spectral::SpectralFilm;
 
 use super::atomic::FileError;
 use super::identity;
-use crate::film::Crop;
+use crate::film::{Crop, Film};
 use crate::render::pass::{tile_count, tile_pixels};
 use crate::render::{PilotPasses, Render, Session, UnfinishedPass};
 use serde::{Deserialize, Serialize};
@@ -69,6 +71,10 @@ pub struct PartHeader {
     /// Further films of the same passes, whose sums follow.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub companions: Vec<CompanionFilm>,
+    /// Channels of spectral films, if they are held: the sums of each sensor's stand behind those
+    /// of its image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spectral: Option<SpectralFilm>,
 }
 
 /// A detector that the light sub-paths of another one have filled: its film, where it differs.
@@ -140,22 +146,24 @@ impl PartHeader {
             .fold(0, u64::saturating_add)
     }
 
-    /// Number of sums of each film; `None` beyond 64 bits.
-    fn sum_counts(&self) -> Option<Vec<u64>> {
-        let companions = self.companions.iter();
-        let companions = companions.map(|film| Crop::whole(film.width, film.height).pixels());
-        let count = |pixels: u64| {
-            let sums = pixels.checked_mul(u64::from(self.channels))?;
-            sums.checked_mul(HALVES)
-        };
-        let films = std::iter::once(self.crop().pixels()).chain(companions);
-        films.map(count).collect()
+    /// Number of sums of the image of the sensor, those of companions and spectral films left out;
+    /// `None` beyond 64 bits.
+    #[must_use]
+    pub fn image_sum_count(&self) -> Option<u64> {
+        let sums = self.crop().pixels().checked_mul(self.channels.into())?;
+        sums.checked_mul(HALVES)
     }
 
     /// Number of sums; `None` beyond 64 bits.
-    fn sum_count(&self) -> Option<u64> {
-        let mut films = self.sum_counts()?.into_iter();
-        films.try_fold(0, u64::checked_add)
+    #[must_use]
+    pub fn sum_count(&self) -> Option<u64> {
+        let spectral = self.spectral.as_ref();
+        let channels = u64::from(self.channels) + spectral.map_or(0, SpectralFilm::count);
+        let companions = self.companions.iter();
+        let companions = companions.map(|film| Crop::whole(film.width, film.height).pixels());
+        let mut films = std::iter::once(self.crop().pixels()).chain(companions);
+        let pixels = films.try_fold(0, u64::checked_add)?;
+        pixels.checked_mul(channels)?.checked_mul(HALVES)
     }
 
     /// Headers of its films, each as that of a part of its own.
@@ -197,6 +205,9 @@ impl PartHeader {
         }
         if self.channels == 0 || self.channels > MAX_CHANNELS {
             return Err("the number of channels is not 1 to 4096");
+        }
+        if let Some(spectral) = &self.spectral {
+            spectral.check()?;
         }
         if !(-512..=512).contains(&self.exponent) {
             return Err("the exponent of the sums is not -512 to 512");
@@ -349,17 +360,20 @@ pub fn of(session: &Session) -> Part {
         },
         sums: render
             .and_companions()
-            .flat_map(|film| film.outputs().image.sums())
+            .flat_map(|film| film.outputs().part_films())
+            .flat_map(Film::sums)
             .collect(),
         unfinished,
     }
 }
 
 /// Header of the part of a render and its companions.
-fn header_of(render: &Render) -> PartHeader {
+#[must_use]
+pub fn header_of(render: &Render) -> PartHeader {
     let companions = render.companions().iter().map(identity::header);
     PartHeader {
         companions: companions.map(CompanionFilm::of).collect(),
+        spectral: (render.outputs().spectral.as_ref()).map(|(c, _)| SpectralFilm::of(c)),
         ..identity::header(render)
     }
 }
@@ -435,6 +449,10 @@ fn restore(session: &mut Session, part: Part) -> Result<(), String> {
                 sensors(&header).eq(sensors(&expected)),
             ),
             ("crop", header.crop == expected.crop),
+            (
+                "spectral image (--spectral)",
+                header.spectral == expected.spectral,
+            ),
         ];
         let what = what.iter().find(|w| !w.1).map_or("settings", |w| w.0);
         return Err(format!("it was made with another {what}"));

@@ -34,6 +34,7 @@ fn part(seed: u64, start: u64, end: u64, value: i128) -> Part {
         passes: vec![PassRange { seed, start, end }],
         unfinished: None,
         companions: Vec::new(),
+        spectral: None,
     };
     Part {
         header,
