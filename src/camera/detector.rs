@@ -9,7 +9,11 @@
 //! With a [`FarField`] its film is over directions: `W_e` is one over the solid angle per share of
 //! the film, x_k is anywhere on the rectangle, and where a path lands follows from its direction
 //! there, so that a path by the point of the camera sub-path lands on no pixel of its own.
+//!
+//! A [`Curved`] one has its points before or behind those of the rectangle, and `W_e` = 1/A with
+//! the area of the surface per share of the film there.
 
+use super::curved::{Curved, normal};
 use super::far_field::FarField;
 use super::{CameraSample, Resolution, SensorConnection};
 use crate::geometry::{
@@ -86,6 +90,8 @@ pub struct Detector {
     pub acceptance_rad: Option<f64>,
     /// Directions of the film, where it is not over places.
     pub far_field: Option<FarField>,
+    /// The surface, where it is no plane.
+    pub curved: Option<Arc<Curved>>,
     /// Surface in the scene, set when the scene is built.
     pub instance: Option<InstanceId>,
 }
@@ -119,6 +125,11 @@ impl Rectangle {
     /// Unit vectors along u and v, and the normal.
     fn axes(&self) -> DMat3 {
         DMat3::from_cols(self.u.normalize(), self.v.normalize(), self.n)
+    }
+
+    /// The rectangle tilted to have another normal: that of the surface at a point.
+    fn with_normal(&self, n: DVec3) -> Self {
+        Self { n, ..*self }
     }
 
     /// Place of a point of it along u and v, metres from the middle.
@@ -182,12 +193,39 @@ impl Detector {
     }
 
     fn end_point(&self, rectangle: &Rectangle, on_film: DVec2) -> EndPoint {
+        let flat = rectangle.center + on_film.x * rectangle.u + on_film.y * rectangle.v;
+        let (p, n) = match &self.curved {
+            None => (flat, rectangle.n),
+            Some(curved) => {
+                let (sag, _) = curved.at(rectangle.film(flat));
+                (flat + sag * rectangle.n, self.normal_at(rectangle, flat))
+            }
+        };
         EndPoint {
-            n: rectangle.n,
+            n,
             surface: self
                 .instance
                 .map(|instance| SurfaceId { instance, prim: 0 }),
-            ..EndPoint::at(rectangle.center + on_film.x * rectangle.u + on_film.y * rectangle.v)
+            ..EndPoint::at(p)
+        }
+    }
+
+    /// Unit normal of the side that measures at a point, or before or behind it.
+    fn normal_at(&self, rectangle: &Rectangle, p: DVec3) -> DVec3 {
+        let Some(curved) = &self.curved else {
+            return rectangle.n;
+        };
+        let (_, slopes) = curved.at(rectangle.film(p));
+        let axes = rectangle.axes();
+        normal([axes.x_axis, axes.y_axis, axes.z_axis], slopes)
+    }
+
+    /// Area of the surface per share of the film where it has this normal.
+    fn area_per_share(&self, rectangle: &Rectangle, n: DVec3) -> f64 {
+        if self.curved.is_some() {
+            rectangle.area / n.dot(rectangle.n)
+        } else {
+            rectangle.area
         }
     }
 
@@ -214,12 +252,13 @@ impl Detector {
             };
         }
         let xk = self.end_point(&rectangle, self.on_film(resolution, raster));
-        let (direction, weight) = self.draw_direction(&rectangle, xk.p, u_lens);
-        let pdf_direction = self.direction_density(&rectangle, xk.p, direction);
+        let here = rectangle.with_normal(xk.n);
+        let (direction, weight) = self.draw_direction(&here, xk.p, u_lens);
+        let pdf_direction = self.direction_density(&here, xk.p, direction);
         CameraSample {
             xk,
             direction,
-            pdf_xk: 1.0 / rectangle.area,
+            pdf_xk: 1.0 / self.area_per_share(&rectangle, xk.n),
             pdf_direction: DirectionalDensity::SolidAngle(pdf_direction),
             weight,
         }
@@ -318,12 +357,12 @@ impl Detector {
         let raster = u_lens * resolution.size();
         let xk = self.end_point(&rectangle, self.on_film(resolution, raster));
         let distance = xk.p.distance(x);
-        let cos = rectangle.n.dot(x - xk.p) / distance;
+        let cos = xk.n.dot(x - xk.p) / distance;
         (distance > 0.0 && self.accepts(cos)).then(|| SensorConnection {
             xk,
             toward: (xk.p - x) / distance,
             distance,
-            pdf_xk: 1.0 / rectangle.area,
+            pdf_xk: 1.0 / self.area_per_share(&rectangle, xk.n),
             raster,
             // W_e cosθ/(d² pdf): the area cancels
             importance: cos / (distance * distance),
@@ -342,8 +381,10 @@ impl Detector {
             let pdf = place.map_or(0.0, |place| 1.0 / field.solid_angle(place));
             return (1.0 / rectangle.area, DirectionalDensity::SolidAngle(pdf));
         }
-        let pdf = self.direction_density(&rectangle, p, direction);
-        (1.0 / rectangle.area, DirectionalDensity::SolidAngle(pdf))
+        let n = self.normal_at(&rectangle, p);
+        let pdf = self.direction_density(&rectangle.with_normal(n), p, direction);
+        let density = 1.0 / self.area_per_share(&rectangle, n);
+        (density, DirectionalDensity::SolidAngle(pdf))
     }
 
     pub(super) fn arrive(
@@ -365,10 +406,11 @@ impl Detector {
             return Some((raster, 1.0 / per_share));
         }
         let local = placement.to_object.transform_point3(point.p);
-        self.accepts(rectangle.n.dot(toward_scene)).then(|| {
+        let n = self.normal_at(&rectangle, point.p);
+        self.accepts(n.dot(toward_scene)).then(|| {
             (
                 resolution.unit_to_raster(self.flip(local.truncate())),
-                1.0 / rectangle.area,
+                1.0 / self.area_per_share(&rectangle, n),
             )
         })
     }

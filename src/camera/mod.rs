@@ -8,6 +8,7 @@
 //! `W_e` and densities follow Veach 1997, section 8.3, and Pharr, Jakob and Humphreys 2016, section
 //! 16.1.
 
+pub mod curved;
 pub mod detector;
 pub mod far_field;
 pub mod orthographic;
@@ -16,11 +17,13 @@ pub mod perspective;
 use crate::geometry::{
     DirectionalDensity, EndPoint, Link, Moment, Shutter, SurfacePoint, Transform,
 };
+use curved::Curved;
 use detector::{Detector, Toward};
 use far_field::FarField;
 use glam::{DAffine3, DVec2, DVec3};
 use orthographic::Orthographic;
 use perspective::{Perspective, ThinLens};
+use std::sync::Arc;
 
 /// Film size in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -233,6 +236,16 @@ impl Camera {
         self
     }
 
+    /// The same detector, bent; any other camera as it is. The surface must be one over its
+    /// rectangle.
+    #[must_use]
+    pub fn bent(mut self, curved: Curved) -> Self {
+        if let CameraKind::Detector(detector) = &mut self.kind {
+            detector.curved = Some(Arc::new(curved));
+        }
+        self
+    }
+
     /// The same camera elsewhere.
     #[must_use]
     pub fn at(mut self, transform: Transform) -> Self {
@@ -291,7 +304,13 @@ impl Camera {
         self.as_detector()?.far_field.as_ref()
     }
 
-    /// Area of a detector in m²; `None` for cameras.
+    /// The surface of a detector that is bent.
+    #[must_use]
+    pub fn curved(&self) -> Option<&Curved> {
+        self.as_detector()?.curved.as_deref()
+    }
+
+    /// Area of the rectangle of a detector in m²; `None` for cameras.
     #[must_use]
     pub fn detector_area(&self, moment: Moment) -> Option<f64> {
         self.as_detector()?;

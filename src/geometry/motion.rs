@@ -98,6 +98,19 @@ impl Transform {
         Self::chain(&links, shutter)
     }
 
+    /// This placement after another map, which comes first.
+    #[must_use]
+    pub fn inside(&self, map: DAffine3) -> Self {
+        match self {
+            Self::Static(placement) => Self::fixed(placement.to_world * map),
+            Self::Moving(motion) => {
+                let mut motion = motion.clone();
+                motion.links.push(Link::Fixed(map));
+                Self::Moving(motion)
+            }
+        }
+    }
+
     /// The placement at a moment.
     #[must_use]
     #[inline]

@@ -2,6 +2,7 @@
 //! tells whether parts belong together.
 
 use super::part::{PartHeader, PassRange};
+use crate::camera::curved::Curved;
 use crate::camera::detector::Toward;
 use crate::film::Filter;
 use crate::math::hash::hash_bytes;
@@ -11,7 +12,7 @@ use crate::scene::description::WavelengthChoice;
 use crate::scene::settings::{Merging, Metropolis, Regularization};
 use crate::scene::{Scene, Sensor, Settings, WavelengthSettings};
 use crate::spectrum::SensorResponse;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
 /// Version of the program.
@@ -277,6 +278,26 @@ pub fn pixel_pitch(scene: &Scene, sensor: usize) -> Option<[f64; 2]> {
     ])
 }
 
+/// Attribute with the radii of a bent detector along its width and height, 0 where it is straight.
+pub const RADIUS: &str = "detectorRadius";
+
+/// Reads radii in meters from the text of [`RADIUS`].
+#[must_use]
+pub fn radii_of_text(text: &str) -> Option<[f64; 2]> {
+    let (x, y) = text.strip_suffix(" m")?.split_once(" x ")?;
+    let radii = [x.parse().ok()?, y.parse().ok()?];
+    radii.iter().all(|r: &f64| r.is_finite()).then_some(radii)
+}
+
+/// The surface of a bent detector by the texts of [`RADIUS`] and [`PIXEL_PITCH`], of a film of so
+/// many columns and rows.
+#[must_use]
+pub fn curved_of_texts(radius: &str, pitch: &str, [width, height]: [u32; 2]) -> Option<Curved> {
+    let film = DVec2::new(f64::from(width), f64::from(height));
+    let pitch = DVec2::from_array(pitch_of_text(pitch)?);
+    Curved::new(radii_of_text(radius)?, 0.5 * film * pitch)
+}
+
 /// Reads the width and height of pixels in meters from the text of [`PIXEL_PITCH`].
 #[must_use]
 pub fn pitch_of_text(text: &str) -> Option<[f64; 2]> {
@@ -314,6 +335,15 @@ fn detector_values(scene: &Scene, sensor: usize) -> Values {
         ];
     }
     let [x, y] = [width / resolution.x, height / resolution.y];
+    if let Some(curved) = &detector.curved {
+        let [along_u, along_v] = curved.radii_m();
+        return vec![
+            size,
+            (PIXEL_PITCH, format!("{x} x {y} m")),
+            (PIXEL_ASPECT, format!("{}", x / y)),
+            (RADIUS, format!("{along_u} x {along_v} m")),
+        ];
+    }
     // from columns and rows, counted from the upper left corner, to the world
     let u = if detector.flipped { -u } else { u };
     let (column, row) = (2.0 * u / resolution.x, -2.0 * v / resolution.y);

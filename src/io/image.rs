@@ -154,8 +154,26 @@ fn measure(header: &PartHeader) -> Option<PixelMeasure> {
             PixelMeasure::Each(field.pixels(resolution, x0..x1, y0..y1))
         }
         None => {
-            let [width, height] = identity::pitch_of_text(attribute(identity::PIXEL_PITCH)?)?;
-            PixelMeasure::Uniform(width * height)
+            let pitch = attribute(identity::PIXEL_PITCH)?;
+            let [width, height] = identity::pitch_of_text(pitch)?;
+            match attribute(identity::RADIUS) {
+                None => PixelMeasure::Uniform(width * height),
+                Some(radius) => {
+                    let PartHeader {
+                        width: columns,
+                        height: rows,
+                        crop: [x0, y0, x1, y1],
+                        ..
+                    } = *header;
+                    let curved = identity::curved_of_texts(radius, pitch, [columns, rows])?;
+                    let resolution = Resolution {
+                        width: columns,
+                        height: rows,
+                    };
+                    let all = curved.stretches(resolution, x0..x1, y0..y1);
+                    PixelMeasure::Each(all.into_iter().map(|s| s * width * height).collect())
+                }
+            }
         }
     })
 }

@@ -40,7 +40,17 @@ impl PixelMeasure {
                 let Crop { x0, y0, x1, y1 } = *crop;
                 Self::Each(field.pixels(resolution, x0..x1, y0..y1))
             }
-            None => Self::Uniform(area / (resolution.size().x * resolution.size().y)),
+            None => {
+                let pixel = area / (resolution.size().x * resolution.size().y);
+                match camera.curved() {
+                    None => Self::Uniform(pixel),
+                    Some(curved) => {
+                        let Crop { x0, y0, x1, y1 } = *crop;
+                        let stretches = curved.stretches(resolution, x0..x1, y0..y1);
+                        Self::Each(stretches.into_iter().map(|s| s * pixel).collect())
+                    }
+                }
+            }
         })
     }
 }

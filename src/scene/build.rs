@@ -431,10 +431,14 @@ impl Builder {
             let transform = sensor.camera.transform().clone();
             if let CameraKind::Detector(detector) = &mut sensor.camera.kind {
                 detector.instance = Some(InstanceId(self.instances.len() as u32));
-                self.instances.push(Instance {
-                    shape: Shape::Quad,
-                    transform,
-                });
+                let (shape, transform) = match &detector.curved {
+                    None => (Shape::Quad, transform),
+                    Some(curved) => (
+                        Shape::Lens(curved.shape()),
+                        transform.inside(curved.to_square()),
+                    ),
+                };
+                self.instances.push(Instance { shape, transform });
                 self.objects.push(Object {
                     name: sensor.name.clone(),
                     material: black,

@@ -14,6 +14,7 @@ mod animated;
 mod cases;
 mod closed_forms;
 mod contact;
+mod curved;
 mod determinism;
 mod equality;
 mod far_field;

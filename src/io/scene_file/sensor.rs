@@ -4,13 +4,14 @@ use super::aim::{AimKeys, Disk};
 use super::document::Node;
 use super::film::{Film, FilmKeys};
 use super::keys::{
-    Build, Built, Form, Given, Keys, NON_NEGATIVE, POSITIVE, Range, Spec, Table, Value,
+    Build, Built, FINITE, Form, Given, Keys, NON_NEGATIVE, POSITIVE, Range, Spec, Table, Value,
     first_given, keys,
 };
 use super::motion::Motion;
 use super::reader::Reader;
 use super::transform::Matrix;
-use super::value::{At, Direction, Length, MediumName, Name, Point, items};
+use super::value::{At, Direction, Length, MediumName, Name, Point, items, number};
+use crate::camera::curved::Curved;
 use crate::camera::detector::{Aim, Toward};
 use crate::camera::far_field::FarField;
 use crate::camera::perspective::ThinLens;
@@ -254,6 +255,23 @@ fn rigid(map: DAffine3, at: &Span<usize>, cx: &mut Reader<'_>) -> Option<DAffine
     Some(map)
 }
 
+/// Radii along u and v in meters: one for both, or two.
+#[derive(Clone, Copy, Debug)]
+pub struct Radii([f64; 2]);
+
+impl Value for Radii {
+    fn form() -> Form {
+        Form::Any(vec![Length::form(), <[Length; 2]>::form()])
+    }
+
+    fn read(node: Node<'_>, spec: Spec, cx: &mut Reader<'_>) -> Option<Self> {
+        if node.get_ref().is_array() {
+            return <[Length; 2]>::read(node, spec, cx).map(|r| Self(r.map(|r| r.0)));
+        }
+        number(node, spec, "a number or [along u, along v]", cx).map(|r| Self([r * cx.unit_m; 2]))
+    }
+}
+
 keys! {
     /// A rectangle that measures irradiance, on the side of u x v (of `normal`). Columns run along
     /// u, row 0 is at +v. Either `u` and `v`, or `normal`, `width` and `height` (and `up`).
@@ -282,6 +300,10 @@ keys! {
         /// on the rectangle: [width, height] of the picture in angles about the normal, equal
         /// lengths for equal angles from its middle. Light that travels toward u is at the right.
         far_field_deg: Option<[f64; 2]>, in FAR_FIELD, unit "degrees";
+        /// Radius of a spherical detector, or [along u, along v] of a cylinder or toroid, positive
+        /// where the center is on the side that measures (a retina), 0 where it is straight; larger
+        /// than half of the diagonal. Its points are before or behind those of the rectangle.
+        radius: Option<Radii>, in FINITE, or "flat";
         /// Whether columns run against u: the picture as seen from behind, which is the right way
         /// round for a film behind a lens.
         flip: bool, default false;
@@ -344,7 +366,7 @@ impl Build for DetectorKeys {
             half_rad: DVec2::from_array(full.map(|deg| 0.5 * deg.to_radians())),
         });
         if far_field.is_some() {
-            for key in ["pitch", "aim", "acceptance_deg"] {
+            for key in ["pitch", "aim", "acceptance_deg", "radius"] {
                 if table.get(key).is_some() {
                     let message = format!(
                         "{key} and far_field_deg exclude each other (its film is over angles)"
@@ -353,6 +375,7 @@ impl Build for DetectorKeys {
                 }
             }
         }
+        let curved = self.curved(DVec2::new(0.5 * width_m, 0.5 * height_m), table, cx);
         let camera = move |resolution| {
             let camera = Camera::detector(pose, width_m, height_m, resolution, transparent);
             let camera = if flip { camera.flipped() } else { camera };
@@ -364,8 +387,12 @@ impl Build for DetectorKeys {
                 Some(field) => camera.by_direction(field),
                 None => camera,
             };
-            match aim {
+            let camera = match aim {
                 Some(aim) => camera.aimed(Toward::Disk(aim)),
+                None => camera,
+            };
+            match curved {
+                Some(curved) => camera.bent(curved),
                 None => camera,
             }
         };
@@ -374,6 +401,20 @@ impl Build for DetectorKeys {
 }
 
 impl DetectorKeys {
+    /// The surface of a bent detector over its rectangle.
+    fn curved(&self, half_m: DVec2, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<Curved> {
+        let radii_m = self.radius?.0;
+        if radii_m == [0.0; 2] {
+            return None;
+        }
+        let curved = Curved::new(radii_m, half_m);
+        if curved.is_none() {
+            let message = "radius is not larger than half of the diagonal of the detector";
+            cx.conflict(&table.span("radius"), message);
+        }
+        curved
+    }
+
     fn half_edges(&self, table: &Table<'_>, cx: &mut Reader<'_>) -> Option<(DVec3, DVec3)> {
         match (self.u, self.v, self.normal, self.width, self.height) {
             (Some(u), Some(v), None, None, None) if self.up.is_none() => Some((u.0, v.0)),

@@ -20,7 +20,7 @@ use crate::camera::Resolution;
 use crate::camera::far_field::FarField;
 use crate::film::Crop;
 use crate::io::exr::{ExrImage, MetadataValue, noise_channel, spectral_channel_nm};
-use crate::io::identity::{self, PIXEL_ANGLE, PIXEL_PITCH, angle_of_text, pitch_of_text};
+use crate::io::identity::{self, PIXEL_ANGLE, PIXEL_PITCH, RADIUS, angle_of_text, pitch_of_text};
 use crate::spectrum::SensorResponse;
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
@@ -157,7 +157,22 @@ pub fn measure(path: &Path, image: &ExrImage, request: &SpotRequest) -> Result<S
         let middle = field.solid_angle(DVec2::ZERO) / (film.x * film.y);
         pixels.into_iter().map(move |sr| sr / middle)
     });
-    let solid_angles: Option<Vec<f64>> = solid_angles.map(Iterator::collect);
+    let text = |name| match image.metadata.get(name) {
+        Some(MetadataValue::Text(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    // areas of the surface of a bent detector, as multiples of those of its pixels
+    let curved = text(RADIUS).zip(text(PIXEL_PITCH)).map(|(radius, pitch)| {
+        let size = [image.width, image.height];
+        identity::curved_of_texts(radius, pitch, size)
+            .ok_or_else(|| fault(format!("{RADIUS} \"{radius}\" is that of no surface")))
+    });
+    let areas = curved.transpose()?.map(|curved| {
+        let (width, height) = (image.width, image.height);
+        let (columns, rows) = (window.x0..window.x1, window.y0..window.y1);
+        curved.stretches(Resolution { width, height }, columns, rows)
+    });
+    let shares: Option<Vec<f64>> = solid_angles.map(Iterator::collect).or(areas);
     let radians = angle.map(|pitch| pitch.map(f64::to_radians));
     let pixel = radians.unwrap_or(1e-3 * pitch_mm);
     let frame = Frame {
@@ -182,7 +197,7 @@ pub fn measure(path: &Path, image: &ExrImage, request: &SpotRequest) -> Result<S
     for plane in planes {
         let mut values = cut(&plane.values, image.crop, window);
         let mut noise = plane.noise.map(|noise| cut(&noise, image.crop, window));
-        if let Some(shares) = &solid_angles {
+        if let Some(shares) = &shares {
             for values in [Some(&mut values), noise.as_mut()].into_iter().flatten() {
                 values
                     .iter_mut()
