@@ -4,7 +4,7 @@ use abbe::film::{Crop, Film};
 use abbe::io::scene_file::parse_str;
 use abbe::math::hash::combine;
 use abbe::math::named::Named;
-use abbe::render::{OutputRequest, PathExpression, Render};
+use abbe::render::{Choices, OutputRequest, PathExpression, Render};
 use abbe::scene::settings::{Heuristic, IntegratorKind, Regularize};
 use abbe::scene::{Scene, Settings};
 use abbe::spectrum::SpectralChannels;
@@ -73,6 +73,12 @@ pub fn test_scale() -> u32 {
         .unwrap_or(1)
 }
 
+/// The weights of `ABBE_TEST_WEIGHTS`.
+fn other_weights() -> Option<Heuristic> {
+    let weights = std::env::var("ABBE_TEST_WEIGHTS").ok()?;
+    Some(Heuristic::named(&weights).expect("a name of weights"))
+}
+
 pub fn scene(text: &str) -> (Arc<Scene>, Settings) {
     scene_in(
         &Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/render"),
@@ -88,8 +94,8 @@ pub fn scene_in(folder: &Path, text: &str) -> (Arc<Scene>, Settings) {
     if regularization.mode == Regularize::Auto {
         regularization.mode = Regularize::Off;
     }
-    if let Ok(weights) = std::env::var("ABBE_TEST_WEIGHTS") {
-        loaded.settings.heuristic = Heuristic::named(&weights).expect("a name of weights");
+    if let Some(weights) = other_weights() {
+        loaded.settings.heuristic = weights;
     }
     (
         Arc::new(Scene::build(loaded.description).unwrap_or_else(|e| panic!("{e}"))),
@@ -128,9 +134,35 @@ pub fn measure(
         .iter()
         .map(|c| PathExpression::new(&format!("^{c}$"), scene).expect(valid))
         .collect();
+    // the table holds what films of the classes would, at less cost; it does not know surfaces
+    let needs_films = classes.iter().any(PathExpression::needs_events);
+    let request = OutputRequest {
+        classes: if needs_films {
+            classes.clone()
+        } else {
+            Vec::new()
+        },
+        class_table: true,
+        ..OutputRequest::default()
+    };
+    // what pilots find does not depend on the seed
+    let first = Render::new(scene, 0, settings, full_crop(scene), &request);
+    let mut choices = first.choices().clone();
+    if other_weights().is_some() {
+        // strategies of small weights are compared alone: all of their shadow rays are needed
+        choices.roulette_threshold = 0.0;
+    }
     let all: Vec<Batch> = (0..batches)
         .into_par_iter()
-        .map(|batch| one_batch(scene, settings, batch, passes, &classes))
+        .map(|batch| {
+            one_batch(
+                scene,
+                settings,
+                (batch, &choices, &request),
+                passes,
+                &classes,
+            )
+        })
         .collect();
     let y: Vec<f64> = all.iter().map(|b| b.0).collect();
     let per_class: Vec<Vec<f64>> = (0..classes.len())
@@ -168,7 +200,7 @@ pub fn measure(
 fn one_batch(
     scene: &Arc<Scene>,
     settings: &Settings,
-    batch: u32,
+    (batch, choices, request): (u32, &Choices, &OutputRequest),
     passes: u32,
     classes: &[PathExpression],
 ) -> Batch {
@@ -176,19 +208,9 @@ fn one_batch(
         seed: combine(settings.seed, u64::from(batch) + 1),
         ..settings.clone()
     };
-    // the table holds what films of the classes would, at less cost; it does not know surfaces
-    let needs_films = classes.iter().any(PathExpression::needs_events);
-    let request = OutputRequest {
-        classes: if needs_films {
-            classes.to_vec()
-        } else {
-            Vec::new()
-        },
-        class_table: true,
-        ..OutputRequest::default()
-    };
     let crop = full_crop(scene);
-    let mut render = Render::new(scene, 0, &settings, crop, &request);
+    let mut render = Render::with_choices(scene, 0, &settings, crop, request, choices.clone())
+        .expect("invariant: choices of another seed fit");
     for pass in 0..passes {
         render.add_pass(pass);
     }
@@ -227,7 +249,7 @@ fn one_batch(
         rows.map(|(_, (_, weighted))| weighted).sum()
     };
     let outputs = render.outputs();
-    let of_classes = if needs_films {
+    let of_classes = if classes.iter().any(PathExpression::needs_events) {
         outputs
             .classes
             .iter()
