@@ -75,7 +75,9 @@ fn chains(loaded: &Loaded) -> String {
         *kinds.entry(names.join(", ")).or_default() += 1;
     }
     let all: usize = kinds.values().sum();
-    let why = if !aims.any() {
+    let why = if scene.sequences.is_some() {
+        "not used: paths are held to sequences of surfaces"
+    } else if !aims.any() {
         "not used: the integrator merges, or solves for none unless aim is \"all\""
     } else if settings.aim == Aiming::All {
         "used from every vertex"

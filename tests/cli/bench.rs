@@ -224,6 +224,7 @@ fn paths_are_held_to_sequences() {
     let told = succeed(dir.path(), info);
     let expected = "sequences\n  1 sequence, each with the same share of the samples\n  L T(1) R(2) R(1) T(2) E\n";
     assert!(told.contains(expected), "{told}");
+    assert!(!told.contains("integrator merges"), "{told}");
     let told = json(&succeed(dir.path(), &format!("{info} --json")));
     assert_eq!(told["sequences"][0], "L T(1) R(2) R(1) T(2) E");
     // parts of all paths do not go on with some
