@@ -13,14 +13,13 @@ use crate::camera::Resolution;
 use crate::camera::far_field::FarField;
 use crate::develop::Development;
 use crate::film::{AddSumsError, Film, Filter};
+use crate::math::named::Named;
 use crate::render::flux::SpectralFlux;
 use crate::render::{PixelMeasure, Render, Total};
+use crate::scene::settings::IntegratorKind;
 use crate::spectrum::SpectralChannels;
 use glam::DVec2;
 use std::path::{Path, PathBuf};
-
-/// Integrator whose pixels err together.
-const PSSMLT: &str = "pssmlt";
 
 /// The XYZ image of a render.
 #[must_use]
@@ -141,41 +140,27 @@ fn xyz_image(film: &Film, header: &PartHeader) -> ExrImage {
 /// Area or solid angle of the pixels of a detector; `None` for cameras.
 fn measure(header: &PartHeader) -> Option<PixelMeasure> {
     let attribute = |name: &str| header.image.get(name);
-    Some(match attribute(identity::PIXEL_ANGLE) {
-        Some(text) => {
-            let PartHeader { width, height, .. } = *header;
-            let pixel = DVec2::from_array(identity::angle_of_text(text)?).map(f64::to_radians);
-            let size = DVec2::new(f64::from(width), f64::from(height));
-            let field = FarField {
-                half_rad: 0.5 * pixel * size,
-            };
-            let resolution = Resolution { width, height };
-            let [x0, y0, x1, y1] = header.crop;
-            PixelMeasure::Each(field.pixels(resolution, x0..x1, y0..y1))
-        }
-        None => {
-            let pitch = attribute(identity::PIXEL_PITCH)?;
-            let [width, height] = identity::pitch_of_text(pitch)?;
-            match attribute(identity::RADIUS) {
-                None => PixelMeasure::Uniform(width * height),
-                Some(radius) => {
-                    let PartHeader {
-                        width: columns,
-                        height: rows,
-                        crop: [x0, y0, x1, y1],
-                        ..
-                    } = *header;
-                    let curved = identity::curved_of_texts(radius, pitch, [columns, rows])?;
-                    let resolution = Resolution {
-                        width: columns,
-                        height: rows,
-                    };
-                    let all = curved.stretches(resolution, x0..x1, y0..y1);
-                    PixelMeasure::Each(all.into_iter().map(|s| s * width * height).collect())
-                }
-            }
-        }
-    })
+    let PartHeader { width, height, .. } = *header;
+    let resolution = Resolution { width, height };
+    let [x0, y0, x1, y1] = header.crop;
+    if let Some(text) = attribute(identity::PIXEL_ANGLE) {
+        let pixel = DVec2::from_array(identity::angle_of_text(text)?).map(f64::to_radians);
+        let size = DVec2::new(f64::from(width), f64::from(height));
+        let field = FarField {
+            half_rad: 0.5 * pixel * size,
+        };
+        let pixels = field.pixels(resolution, x0..x1, y0..y1);
+        return Some(PixelMeasure::Each(pixels));
+    }
+    let pitch = attribute(identity::PIXEL_PITCH)?;
+    let [along_u, along_v] = identity::pitch_of_text(pitch)?;
+    let Some(radius) = attribute(identity::RADIUS) else {
+        return Some(PixelMeasure::Uniform(along_u * along_v));
+    };
+    let curved = identity::curved_of_texts(radius, pitch, [width, height])?;
+    let all = curved.stretches(resolution, x0..x1, y0..y1);
+    let areas = all.into_iter().map(|s| s * along_u * along_v);
+    Some(PixelMeasure::Each(areas.collect()))
 }
 
 /// Numbers of even and of odd passes.
@@ -300,11 +285,10 @@ fn spectral_image(
     }
     if let Some(pixels) = measure(header) {
         let mut flux = SpectralFlux::new(spectral, film, &pixels, halves);
-        if header
-            .image
-            .get("integrator")
-            .is_some_and(|name| name == PSSMLT)
-        {
+        let integrator = header.image.get("integrator");
+        let integrator = integrator.and_then(|name| IntegratorKind::named(name));
+        if integrator.is_some_and(IntegratorKind::runs_chains) {
+            // pixels err together
             flux = flux.without_errors();
         }
         let lines = flux.lines_w.iter();
