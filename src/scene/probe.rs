@@ -1,7 +1,7 @@
 //! Which solids a point is inside of, found by counting the surfaces that rays to infinity cross.
 
 use super::Object;
-use super::crossing::faces_at;
+use super::crossing::{faces_at, stands_alone};
 use crate::geometry::{AccelAt, InstanceId, Ray, SurfaceId};
 use crate::math::frame::Frame;
 use crate::medium::{Boundary, MediumId, MediumStack};
@@ -34,45 +34,67 @@ pub fn stack_at(
     } else {
         normal
     });
-    let mut found: Option<MediumStack> = None;
-    for direction in DIRECTIONS {
-        let stack = along(
-            geometry,
-            objects,
-            Ray::leaving(p, frame.to_outer(direction.normalize()), start),
-            ambient,
-        )?;
-        if found.as_ref().is_some_and(|first| *first != stack) {
-            return None;
-        }
-        found = Some(stack);
-    }
-    found
+    let sight = |direction: DVec3| {
+        let ray = Ray::leaving(p, frame.to_outer(direction.normalize()), start);
+        sight(geometry, objects, ray, ambient)
+    };
+    let [first, second, third] = DIRECTIONS.map(sight);
+    let sights = [first?, second?, third?];
+    let outside = sights.iter().find_map(|s| s.outside).unwrap_or(ambient);
+    let stack = |sight: &Sight| {
+        let agrees = sight.outside.is_none_or(|seen| seen == outside);
+        agrees.then(|| sight.stack(objects, outside)).flatten()
+    };
+    let found = stack(&sights[0])?;
+    sights[1..]
+        .iter()
+        .all(|sight| stack(sight).as_ref() == Some(&found))
+        .then_some(found)
 }
 
-/// The stack at the origin of one ray: the solids it leaves more often than it enters.
-fn along(
-    geometry: &AccelAt,
-    objects: &[Object],
-    mut ray: Ray,
-    ambient: MediumId,
-) -> Option<MediumStack> {
-    let mut left: Vec<(usize, i32)> = Vec::new();
-    let mut outside = None;
-    for _ in 0..MOST_CROSSINGS {
-        let Some(hit) =
-            geometry.closest(&ray, |id| objects[id.0 as usize].boundary != Boundary::None)
-        else {
-            let mut stack = MediumStack::new(outside.unwrap_or(ambient));
-            for (index, count) in left {
-                let id = InstanceId(index as u32);
-                match count {
-                    0 => {}
-                    1 => stack = stack.crossed(objects[index].boundary, id, true)?,
-                    _ => return None,
-                }
+/// Surroundings of its origin as a ray sees them.
+struct Sight {
+    /// Solids, and how often more they are left than entered.
+    left: Vec<(usize, i32)>,
+    /// Medium around all solids; `None` where something opaque stands before all that tells.
+    outside: Option<MediumId>,
+}
+
+impl Sight {
+    /// The solids that are left more often than entered, in a medium.
+    fn stack(&self, objects: &[Object], outside: MediumId) -> Option<MediumStack> {
+        let mut stack = MediumStack::new(outside);
+        for &(index, count) in &self.left {
+            let id = InstanceId(index as u32);
+            match count {
+                0 => {}
+                1 => stack = stack.crossed(objects[index].boundary, id, true)?,
+                _ => return None,
             }
-            return Some(stack);
+        }
+        Some(stack)
+    }
+}
+
+/// Whether a surface bounds no medium and ends what can be said about media: another one may be
+/// behind it, as behind the edge of a lens.
+fn hides(object: &Object) -> bool {
+    object.boundary == Boundary::None && object.sensor.is_none() && stands_alone(object)
+}
+
+/// Follows a ray to infinity.
+fn sight(geometry: &AccelAt, objects: &[Object], mut ray: Ray, ambient: MediumId) -> Option<Sight> {
+    let mut left: Vec<(usize, i32)> = Vec::new();
+    let (mut outside, mut is_hidden) = (None, false);
+    for _ in 0..MOST_CROSSINGS {
+        let tells = outside.is_none() && !is_hidden;
+        let is_met = |id: InstanceId| {
+            let object = &objects[id.0 as usize];
+            object.boundary != Boundary::None || tells && hides(object)
+        };
+        let Some(hit) = geometry.closest(&ray, is_met) else {
+            let outside = outside.or((!is_hidden).then_some(ambient));
+            return Some(Sight { left, outside });
         };
         let point = geometry.surface(&ray, &hit);
         // media on this side and on the other of the interfaces in this place
@@ -101,7 +123,11 @@ fn along(
         // of several, the first on the way is behind none of the others
         let is_first = |[near, _]: &&[MediumId; 2]| !named.iter().any(|other| other[1] == *near);
         if let Some([near, _]) = named.iter().find(is_first).or(named.first()) {
-            outside.get_or_insert(*near);
+            if tells {
+                outside = Some(*near);
+            }
+        } else if hides(&objects[point.id.instance.0 as usize]) {
+            is_hidden = true;
         }
         ray = Ray::leaving(point.p, ray.d, Some(point.id));
     }

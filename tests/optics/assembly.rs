@@ -56,6 +56,22 @@ fn every_lens_of_the_repository_stands_in_a_scene() {
     assert!(count >= 8, "{count} lenses");
 }
 
+/// Edges of lenses are seen from outside by who stands beside their barrel, and their surfaces
+/// behind them from inside.
+#[test]
+fn a_film_wider_than_the_lens_before_it_is_in_air() {
+    for half in [24, 60, 200] {
+        let text = format!(
+            "unit = \"mm\"\n[[sensor]]\ndetector = {{ center = [0, 0, 114.455], u = [-{half}, 0, 0], v = \
+             [0, {half}, 0] }}\n[[light]]\nbeam = {{ position = [0, 0, -60], direction = [0, 0, 1], \
+             radius = 29, irradiance = 1 }}\n[[lens]]\nfile = \"double_gauss.zmx\"\nbarrel = 31\n"
+        );
+        let loaded = parse_str(&text, &folder()).unwrap_or_else(|e| panic!("{e}"));
+        let scene = Scene::build(loaded.description).unwrap_or_else(|e| panic!("{half} mm: {e}"));
+        assert_eq!(scene.sensors[0].stack.medium(), MediumId(0), "{half} mm");
+    }
+}
+
 #[test]
 fn edges_of_glass_are_black_or_as_told() {
     let ground = "edge = \"ground\"\n[material.ground]\ndiffuse = { reflectance = 0.6 }";
