@@ -1,12 +1,14 @@
 //! Effort of a render: how many light sub-paths a camera sub-path is worth, and how often pairs of
 //! inner vertices are tried.
 //!
-//! A pilot renders a lattice of pixels under two choices, with the same random numbers, and takes
-//! the one whose variance times cost is less; cost is counted at fixed prices. What camera
-//! sub-paths make alone scatters by the means of independent groups of consecutive passes, which
-//! sees that passes are stratified; what light sub-paths bring scatters by its squares, as it is
-//! rare. The pilot traces one light sub-path with every sample, and what it brings counts as often
-//! as it is traced: so rare light is not missed where few are. [theory (2.11)]
+//! A pilot renders a lattice of pixels under two choices and takes the one whose variance times
+//! cost is less; cost is counted at fixed prices. What camera sub-paths make alone scatters by the
+//! means of independent groups of consecutive passes, which sees that passes are stratified: their
+//! error falls faster than that of independent ones, so groups are as long as the render allows,
+//! and the choice whose passes cost half as much has twice as many. What light sub-paths bring
+//! scatters by its squares, as it is rare. The pilot traces one light sub-path with every sample,
+//! and what it brings counts as often as it is traced: so rare light is not missed where few are.
+//! [theory (2.11)]
 //!
 //! Scenes with mirrors or smooth glass always have one light sub-path per camera sub-path: caustics
 //! are made by them, and a pilot may not have met what lights one.
@@ -31,20 +33,38 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Light sub-paths per camera sub-path and probability of pairs: what is usual, and what is worth
-/// its cost where camera sub-paths do nearly as well alone. Where few light sub-paths are traced,
-/// each is joined to all.
-const USUAL: (f64, f64) = (1.0, PAIR_PROBABILITY);
-const FEW: (f64, f64) = (0.0625, 1.0);
+/// Effort of a sample beside its camera sub-path.
+#[derive(Clone, Copy)]
+struct Effort {
+    light_paths: f64,
+    /// Probability with which a pair of inner vertices is tried.
+    pairs: f64,
+    /// Passes that cost as much as one of the usual choice.
+    passes: u32,
+}
+
+/// Usual effort, and the one that is worth its cost where camera sub-paths do nearly as well alone.
+/// Where few light sub-paths are traced, each is joined to all.
+const USUAL: Effort = Effort {
+    light_paths: 1.0,
+    pairs: PAIR_PROBABILITY,
+    passes: 1,
+};
+const FEW: Effort = Effort {
+    light_paths: 0.0625,
+    pairs: 1.0,
+    passes: 2,
+};
 /// Product of variance and cost, relative to the usual choice, above which few are not taken.
 const CLEAR: f64 = 0.9;
-/// Independent groups of passes, and passes of each.
+/// Independent groups of passes.
 const GROUPS: usize = 4;
-const PASSES: u32 = 4;
-/// Pixels of the lattice at most, and pixels of the film for one of them: the pilot takes a tenth
-/// of a sample per pixel.
+/// Passes of a group of the usual choice, pixels of the film for one of the lattice, and pixels of
+/// the lattice at least: the longest that the length of the pilot and the film have room for. Each
+/// costs at most 2 % of the shortest render that has it.
+const LENGTHS: [(u32, u64, u64); 2] = [(64, 512, 8), (4, 320, 1)];
+/// Pixels of the lattice at most.
 const PIXELS: u64 = 512;
-const PIXELS_SHARE: u64 = 320;
 
 /// Effort per sample, and how it was found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -96,24 +116,28 @@ pub fn choose(
     response: SensorResponse,
     length: PilotPasses,
 ) -> Option<EffortChoice> {
-    let count = (crop.pixels() / PIXELS_SHARE).min(PIXELS) as usize;
-    if !has_choice(frame) || !length.is_full() || count == 0 {
+    if !has_choice(frame) {
         return None;
     }
+    let (passes, count) = LENGTHS
+        .iter()
+        .map(|&(passes, share, least)| (passes, crop.pixels() / share, least))
+        .find(|&(passes, count, least)| length.within(passes).0 == passes && count >= least)
+        .map(|(passes, count, _)| (passes, count.min(PIXELS) as usize))?;
     let settings: Vec<Settings> = (0..GROUPS as u64)
         .map(|group| Settings {
             seed: combine(u64::from(u32::MAX), combine(1 << 32, group)),
             ..frame.settings.clone()
         })
         .collect();
-    let pixels: Vec<(u32, u32)> = lattice(&crop).take(count).collect();
-    let run = |(light_paths, pairs), light_walks| {
+    let lattice: Vec<(u32, u32)> = lattice(&crop).take(count).collect();
+    let run = |effort: Effort, passes, light_walks| {
         let jobs = settings.iter().map(|settings| {
             let mut job = SensorJob::new(frame.scene, frame.sensor, settings, &crop, false);
             job.strategies.tries = frame.strategies.tries;
             job.strategies.factors = factors;
-            job.strategies.pairs = pairs;
-            job.strategies.set_light_paths(light_paths);
+            job.strategies.pairs = effort.pairs;
+            job.strategies.set_light_paths(effort.light_paths);
             job.light_walks = light_walks;
             job
         });
@@ -121,28 +145,26 @@ pub fn choose(
             groups: jobs.collect(),
             regions: Regions::new(crop),
             response,
+            passes,
         };
-        pilot.run(&pixels)
+        pilot.run(&lattice)
     };
-    let cost_of = |pixels: &[Pixel]| pixels.iter().map(|p| price(&p.counters)).sum::<f64>();
-    let alone = cost_of(&run(USUAL, LightWalks::Never));
-    let (usual, few) = (run(USUAL, LightWalks::Once), run(FEW, LightWalks::Once));
-    let scale = scale(Regions::new(crop), &usual);
-    let product = |pixels: &[Pixel], light_paths: f64| {
-        let cost = alone + light_paths * (cost_of(pixels) - alone);
-        variance(pixels, light_paths, &scale) * cost
+    let alone = run(USUAL, LENGTHS[1].0, LightWalks::Never);
+    let [usual, few] = [USUAL, FEW].map(|e| run(e, e.passes * passes, LightWalks::Once));
+    let scale = usual.scale(Regions::new(crop));
+    let product = |outcome: &Outcome, effort: Effort| {
+        let cost = alone.cost() + effort.light_paths * (outcome.cost() - alone.cost());
+        outcome.variance(effort.light_paths, &scale) * cost
     };
-    let pays = product(&few, FEW.0) < CLEAR * product(&usual, USUAL.0);
-    let (light_paths, pairs) = if pays { FEW } else { USUAL };
+    let pays = product(&few, FEW) < CLEAR * product(&usual, USUAL);
+    let chosen = if pays { FEW } else { USUAL };
+    let samples = [alone, usual, few].map(|outcome| outcome.samples());
     Some(EffortChoice {
-        light_paths,
-        pairs,
-        samples: 3 * SAMPLES * pixels.len() as u64,
+        light_paths: chosen.light_paths,
+        pairs: chosen.pairs,
+        samples: samples.iter().sum(),
     })
 }
-
-/// Samples of a pixel.
-const SAMPLES: u64 = GROUPS as u64 * PASSES as u64;
 
 /// Samples of one pixel.
 struct Pixel {
@@ -158,16 +180,22 @@ struct Pilot<'a> {
     groups: Vec<SensorJob<'a>>,
     regions: Regions,
     response: SensorResponse,
+    /// Of each group.
+    passes: u32,
 }
 
 impl Pilot<'_> {
-    fn run(&self, pixels: &[(u32, u32)]) -> Vec<Pixel> {
-        pixels
+    fn run(&self, lattice: &[(u32, u32)]) -> Outcome {
+        let pixels = lattice
             .par_iter()
             .map_init(Workspace::default, |workspace, &pixel| {
                 self.pixel(pixel, workspace)
             })
-            .collect()
+            .collect();
+        Outcome {
+            pixels,
+            passes: self.passes,
+        }
     }
 
     fn pixel(&self, pixel: (u32, u32), workspace: &mut Workspace) -> Pixel {
@@ -175,7 +203,7 @@ impl Pilot<'_> {
         let (mut own, mut brought) = ([0.0; GROUPS], Vec::new());
         workspace.counters = Counters::default();
         for (job, own) in self.groups.iter().zip(&mut own) {
-            for index in 0..PASSES {
+            for index in 0..self.passes {
                 let pass = PassSettings {
                     index,
                     ..PassSettings::default()
@@ -188,7 +216,7 @@ impl Pilot<'_> {
                             brought.push((value, self.regions.at(raster.x, raster.y)));
                         }
                         Target::OwnPixel if made.s >= 2 => brought.push((value, region)),
-                        Target::OwnPixel => *own += value / f64::from(PASSES),
+                        Target::OwnPixel => *own += value / f64::from(self.passes),
                     }
                 }
             }
@@ -202,32 +230,53 @@ impl Pilot<'_> {
     }
 }
 
-/// Region by region, one over the squared brightness that is found where light sub-paths are as
-/// many as samples.
-fn scale(mut regions: Regions, pixels: &[Pixel]) -> Vec<f64> {
-    for pixel in pixels {
-        regions.add_samples(pixel.region, SAMPLES as u32);
-        let own = pixel.own.iter().sum::<f64>() * f64::from(PASSES);
-        regions.add_light(pixel.region, own);
-        for &(value, at) in &pixel.brought {
-            regions.add_light(at, value);
-        }
-    }
-    regions.scale()
+/// Findings of the groups of a pilot.
+struct Outcome {
+    pixels: Vec<Pixel>,
+    /// Of each group.
+    passes: u32,
 }
 
-/// Variance of a sample, relative to the brightness around, summed over the pixels; light sub-paths
-/// are traced `light_paths` times as often as they were.
-fn variance(pixels: &[Pixel], light_paths: f64, scale: &[f64]) -> f64 {
-    let of_pixel = |pixel: &Pixel| {
-        let mean = pixel.own.iter().sum::<f64>() / GROUPS as f64;
-        let scatter: f64 = pixel.own.iter().map(|v| (v - mean).powi(2)).sum();
-        // of the mean of a group, times its passes: of one pass
-        let own = scatter / (GROUPS - 1) as f64 * f64::from(PASSES);
-        let brought: f64 = pixel.brought.iter().map(|(v, at)| v * v * scale[*at]).sum();
-        own * scale[pixel.region] + light_paths * brought / SAMPLES as f64
-    };
-    pixels.iter().map(of_pixel).sum()
+impl Outcome {
+    /// Samples of all pixels.
+    fn samples(&self) -> u64 {
+        GROUPS as u64 * u64::from(self.passes) * self.pixels.len() as u64
+    }
+
+    /// Cost of a sample at every pixel.
+    fn cost(&self) -> f64 {
+        let all: f64 = self.pixels.iter().map(|p| price(&p.counters)).sum();
+        all / (GROUPS as f64 * f64::from(self.passes))
+    }
+
+    /// Region by region, one over the squared brightness that is found where light sub-paths are as
+    /// many as samples.
+    fn scale(&self, mut regions: Regions) -> Vec<f64> {
+        for pixel in &self.pixels {
+            regions.add_samples(pixel.region, GROUPS as u32 * self.passes);
+            let own = pixel.own.iter().sum::<f64>() * f64::from(self.passes);
+            regions.add_light(pixel.region, own);
+            for &(value, at) in &pixel.brought {
+                regions.add_light(at, value);
+            }
+        }
+        regions.scale()
+    }
+
+    /// Variance of a sample, relative to the brightness around, summed over the pixels; light
+    /// sub-paths are traced `light_paths` times as often as they were.
+    fn variance(&self, light_paths: f64, scale: &[f64]) -> f64 {
+        let passes = f64::from(self.passes);
+        let of_pixel = |pixel: &Pixel| {
+            let mean = pixel.own.iter().sum::<f64>() / GROUPS as f64;
+            let scatter: f64 = pixel.own.iter().map(|v| (v - mean).powi(2)).sum();
+            // of the mean of a group, times its passes: of one pass
+            let own = scatter / (GROUPS - 1) as f64 * passes;
+            let brought: f64 = pixel.brought.iter().map(|(v, at)| v * v * scale[*at]).sum();
+            own * scale[pixel.region] + light_paths * brought / (GROUPS as f64 * passes)
+        };
+        self.pixels.iter().map(of_pixel).sum()
+    }
 }
 
 #[cfg(test)]
@@ -245,7 +294,12 @@ mod tests {
             counters: Counters::default(),
         };
         // 80 / 16 of what light sub-paths bring, half as often, of a region half as bright
-        let found = variance(&[pixel], 0.5, &[0.25, 1.0]);
+        let outcome = Outcome {
+            pixels: vec![pixel],
+            passes: 4,
+        };
+        let found = outcome.variance(0.5, &[0.25, 1.0]);
+        assert_eq!(outcome.samples(), 16);
         assert!((found - (0.25 * 4.0 + 2.5)).abs() < 1e-12, "{found}");
     }
 }

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// First hit of one pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Guide {
-    /// Distance from the camera in metres; 0 where nothing is hit.
+    /// Distance from the camera in meters; 0 where nothing is hit.
     pub depth: f64,
     /// Unit shading normal, in world space.
     pub normal: DVec3,

@@ -40,7 +40,7 @@ const PILOT_PASSES: u32 = 4;
 /// A choice of r₁.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RadiusChoice {
-    /// Radius of the first pass in metres.
+    /// Radius of the first pass in meters.
     #[serde(with = "exact")]
     pub radius: f64,
     /// How it was found.
@@ -163,7 +163,7 @@ pub fn choose_radius(frame: &SensorJob, response: SensorResponse) -> RadiusChoic
     }
 }
 
-/// Radius of pass `index` = 0, 1, ... in metres, in a scene of the radius `scene_radius`.
+/// Radius of pass `index` = 0, 1, ... in meters, in a scene of the radius `scene_radius`.
 #[must_use]
 pub fn scheduled_radius(merging: &Merging, scene_radius: f64, first: f64, index: u32) -> f64 {
     let exponent = -0.5 * (1.0 - merging.alpha);

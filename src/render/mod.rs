@@ -239,7 +239,7 @@ impl Render {
         Some(of_pass * self.passes.len() as u64)
     }
 
-    /// Radius of merging in pass `index` in metres, `None` without merging.
+    /// Radius of merging in pass `index` in meters, `None` without merging.
     #[must_use]
     pub fn radius_of_pass(&self, index: u32) -> Option<f64> {
         let first = self.choices.radius.as_ref()?.radius;

@@ -197,6 +197,7 @@ pub fn choose(
     length: PilotPasses,
 ) -> Option<TriesChoice> {
     let sparse = frame.strategies.tries?;
+    let length = length.of_factors();
     let kinds = sparse.kinds();
     let settings = Settings {
         seed: combine(u64::from(u32::MAX), u64::from(FIRST_PASS)),

@@ -47,12 +47,13 @@ const MOST_GROWTH: f64 = 4.0;
 const ROULETTE_SHARE: f64 = 0.05;
 /// Numbers that are kept, at most.
 const MOST_VALUES: usize = 1 << 21;
-/// Passes of a group of a render of at least so many samples per pixel: the pilot takes a sixteenth
-/// of the pixels in [`GROUPS`] times as many passes, without light sub-paths, which is at most 3 %
-/// of the render.
-const PASSES: [(u32, u32); 2] = [(16, 4), (4, 1)];
+/// Passes of a group of a render of at least so many samples per pixel.
+const PASSES: [(u32, u32); 3] = [(64, 64), (16, 4), (4, 1)];
+/// Passes of a group of the pilot of variance factors, at most: it takes a sixteenth of the pixels
+/// in [`GROUPS`] times as many, without light sub-paths, which is at most 3 % of the render.
+const MOST_PASSES: u32 = 4;
 
-/// Passes of a group of the pilot; 0: the factors are those of the rule.
+/// Passes of a group of the longest pilot; 0: there is none, the factors are those of the rule.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PilotPasses(pub u32);
 
@@ -71,10 +72,18 @@ impl PilotPasses {
         found.map_or(1, |(least, _)| *least)
     }
 
-    /// Whether the render is long enough for a pilot of full length.
+    /// The length of a pilot whose groups have at most so many passes.
     #[must_use]
-    pub fn is_full(self) -> bool {
-        self.0 == PASSES[0].1
+    pub fn within(self, passes: u32) -> Self {
+        let lengths = PASSES.iter().map(|(_, length)| *length);
+        let found = lengths.into_iter().find(|&l| l <= self.0.min(passes));
+        Self(found.unwrap_or(0))
+    }
+
+    /// That of the pilots of variance factors and of tries.
+    #[must_use]
+    pub fn of_factors(self) -> Self {
+        self.within(MOST_PASSES)
     }
 
     /// For a render of so many samples per pixel.
@@ -142,6 +151,7 @@ pub fn choose(
     if !has_factors(frame) {
         return None;
     }
+    let passes = passes.of_factors();
     if passes.0 == 0 {
         return Some(by_rule(frame, crop));
     }
@@ -476,7 +486,10 @@ mod tests {
     #[test]
     fn short_renders_have_a_short_pilot() {
         let of = |spp| PilotPasses::of(spp).0;
-        assert_eq!([1, 3, 4, 15, 16, 4096].map(of), [0, 0, 1, 1, 4, 4]);
+        let lengths = [0, 0, 1, 1, 4, 4, 64, 64];
+        assert_eq!([1, 3, 4, 15, 16, 63, 64, 4096].map(of), lengths);
+        let within = |length| PilotPasses(length).of_factors().0;
+        assert_eq!([0, 1, 4, 64].map(within), [0, 1, 4, 4]);
         assert_eq!(PilotPasses::known(4), Some(PilotPasses(4)));
         assert_eq!(PilotPasses::known(3), None);
     }
