@@ -2,13 +2,17 @@
 """Log-RMSE against CPU time of independent and of Metropolis samples, without cones, with cones and aimed.
 
     python3 tests/benches/metropolis.py ABBE [--times 1,3,10,30,100] [--seeds 3] [--long 300] [--size 80,60]
-        [--reference REFERENCE.exr] [--csv FILE] [--plot FILE.svg]
+        [--reference REFERENCE.exr] [--csv FILE] [--plot FILE.svg] [--methods NAME;NAME] [--set KEY=VALUE]...
+    python3 tests/benches/metropolis.py ABBE --brightness SCENE,SCENE [--times 5,50] [--seeds 4] [--long 300] [--size 80,60]
 
 The torus in its cube of glass (Figure 1 of Bouchard et al. 2013), one thread. Each method and seed is one render that is stopped near
 each of the times, by the speed of a short one, and goes on from its part; CPU time is that of the program, start and pilots included.
 The first seed goes on to the time of --long. Errors are against a long render by photon merging, another estimator, made first if it is
 not given. Printed is, for each method and time, the median of the log-RMSE over the seeds with the least and the largest, and the median
 CPU time; --plot draws them (matplotlib). Run by hand; nothing depends on how fast the machine is but where the points lie.
+
+The second form prints the mean Y of `pssmlt` at default settings over that of one render by `bdpt`, which takes as many CPU seconds as
+the longest of the others: at each time the mean over the seeds, with its standard error from their spread.
 """
 
 import argparse
@@ -23,6 +27,14 @@ import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent.parent.parent
 SCENE = HERE / "scenes/torus_in_glass_cube.toml"
+
+
+def scene_file(name):
+    """A scene of scenes/bench, or else of scenes."""
+    bench = HERE / f"scenes/bench/{name}.toml"
+    return bench if bench.exists() else HERE / f"scenes/{name}.toml"
+
+
 METHODS = {
     "bdpt": ["--integrator", "bdpt", "--regularize", "off", "--aim", "off"],
     "bdpt, regularized": ["--integrator", "bdpt", "--regularize", "mis", "--aim", "off"],
@@ -47,14 +59,15 @@ def run(*command):
 
 
 class Bench:
-    def __init__(self, arguments, folder):
-        self.abbe, self.folder, self.size = arguments.abbe, folder, arguments.size
+    def __init__(self, arguments, folder, scene=SCENE):
+        self.abbe, self.folder, self.size, self.scene = arguments.abbe, folder, arguments.size, scene
+        self.options = [word for keyed in arguments.set for word in ("--set", keyed)]
         self.image, self.part = folder / "image.exr", folder / "image.part"
 
     def render(self, method, passes, seed, image, *more, threads=1):
-        common = ["--set", f"sensor.0.resolution=[{self.size}]", "--filter", "box", "--threads", threads]
+        common = ["--set", f"sensor.0.resolution=[{self.size}]", "--filter", "box", "--threads", threads, *self.options]
         output = ["--spp", passes, "--seed", seed, "-o", image, "--no-preview", "-q", *more]
-        return run(self.abbe, "render", SCENE, *common, *method, *output)[1]
+        return run(self.abbe, "render", self.scene, *common, *method, *output)[1]
 
     def reference(self):
         image = self.folder / "reference.exr"
@@ -62,11 +75,17 @@ class Bench:
         self.render(method, 8000, 77, image, threads=2)
         return image
 
-    def error(self, reference):
-        return json.loads(run(self.abbe, "compare", self.image, reference, "--json")[0])["log_rmse"]
+    def compare(self, reference):
+        return json.loads(run(self.abbe, "compare", self.image, reference, "--json")[0])
 
-    def curve(self, method, seed, times, reference):
-        """(passes, CPU seconds, log-RMSE) near each of the times."""
+    def error(self, reference):
+        return self.compare(reference)["log_rmse"]
+
+    def brightness(self, reference):
+        return self.compare(reference)["mean_ratio"]["Y"]
+
+    def curve(self, method, seed, times, figure):
+        """(passes, CPU seconds, figure of the image) near each of the times."""
         # the difference of two short renders is without what comes before the first pass
         few, more = (self.render(method, passes, seed, self.image) for passes in (16, 48))
         per_pass = max((more - few) / 32, 1e-4)
@@ -78,8 +97,27 @@ class Bench:
             kept = ["--resume"] if points else []
             cpu += self.render(method, passes, seed, self.image, "--part", self.part, *kept)
             per_pass = cpu / passes
-            points.append((passes, cpu, self.error(reference)))
+            points.append((passes, cpu, figure()))
         return points
+
+
+def brightness(arguments, times, folder):
+    """Prints mean Y of chains over that of independent samples, scene by scene."""
+    times_and_long = times + ([arguments.long] if arguments.long else [])
+    for name in arguments.brightness.split(","):
+        bench = Bench(arguments, folder, scene_file(name))
+        bench.curve(["--integrator", "bdpt"], FIRST_SEED - 1, times_and_long[-1:], lambda: None)
+        reference = bench.image.rename(folder / "independent.exr")
+        by_seed = []
+        for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
+            beyond = times_and_long if seed == FIRST_SEED else times
+            by_seed.append(bench.curve(["--integrator", "pssmlt"], seed, beyond, lambda: bench.brightness(reference)))
+        for i in range(len(by_seed[0])):
+            at = [curve[i] for curve in by_seed if i < len(curve)]
+            ratios = [p[2] for p in at]
+            error = statistics.stdev(ratios) / len(at) ** 0.5 if len(at) > 1 else None
+            spread = f" +- {error:.4f}" if error is not None else ""
+            print(f"| {name} | {statistics.median(p[1] for p in at):.1f} s | {statistics.mean(ratios):.4f}{spread} |", flush=True)
 
 
 def plot(curves, file):
@@ -113,12 +151,16 @@ def main():
     parser.add_argument("--size", default="80,60")
     parser.add_argument("--reference", type=pathlib.Path)
     parser.add_argument("--methods", default=";".join(METHODS))
+    parser.add_argument("--set", action="append", default=[], help="KEY=VALUE, for all methods")
+    parser.add_argument("--brightness", help="scenes whose mean is compared")
     parser.add_argument("--csv", type=pathlib.Path)
     parser.add_argument("--plot", type=pathlib.Path)
     arguments = parser.parse_args()
     times = [float(t) for t in arguments.times.split(",")]
     rows, curves = [], {}
     with tempfile.TemporaryDirectory() as folder:
+        if arguments.brightness:
+            return brightness(arguments, times, pathlib.Path(folder))
         bench = Bench(arguments, pathlib.Path(folder))
         reference = arguments.reference or bench.reference()
         for name in arguments.methods.split(";"):
@@ -126,7 +168,7 @@ def main():
             by_seed = []
             for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
                 beyond = [arguments.long] if arguments.long and seed == FIRST_SEED else []
-                by_seed.append(bench.curve(method, seed, times + beyond, reference))
+                by_seed.append(bench.curve(method, seed, times + beyond, lambda: bench.error(reference)))
                 rows += [[name, seed, *point] for point in by_seed[-1]]
             curves[name] = [[c[i] for c in by_seed if i < len(c)] for i in range(len(by_seed[0]))]
             for at in curves[name]:
