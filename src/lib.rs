@@ -41,7 +41,7 @@
 //!   [`io::part`] keeps exact sums to go on from or to add up.
 //! - Glasses, metals and spectra: [`spectrum::library::Library`].
 //!
-//! Lengths are metres, angles radians, wavelengths nanometers. `tests/examples` holds more: a sweep
+//! Lengths are meters, angles radians, wavelengths nanometers. `tests/examples` holds more: a sweep
 //! over glasses, the spectrum on a detector, a stop rule of one's own. The feature `cli` (on by
 //! default) brings the command line; `default-features = false` leaves it out.
 //!

@@ -22,17 +22,17 @@ const GAUSS: f64 = 0.577_350_269_189_625_8;
 /// A surface over the rectangle of a detector.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curved {
-    /// Radii along u and v in metres; 0: flat.
+    /// Radii along u and v in meters; 0: flat.
     radii_m: [f64; 2],
-    /// Half width and half height of the rectangle in metres.
+    /// Half width and half height of the rectangle in meters.
     half_m: DVec2,
     profile: Profile,
     shape: Arc<LensShape>,
 }
 
 impl Curved {
-    /// A surface of these radii along u and v in metres, positive where the center lies on the side
-    /// that measures, 0 where it is straight, over a rectangle of these half edges in metres.
+    /// A surface of these radii along u and v in meters, positive where the center lies on the side
+    /// that measures, 0 where it is straight, over a rectangle of these half edges in meters.
     /// `None` where it does not reach as far, and where it is flat.
     #[must_use]
     pub fn new(radii_m: [f64; 2], half_m: DVec2) -> Option<Self> {
@@ -67,7 +67,7 @@ impl Curved {
         })
     }
 
-    /// Radii along u and v in metres.
+    /// Radii along u and v in meters.
     #[must_use]
     pub fn radii_m(&self) -> [f64; 2] {
         self.radii_m
@@ -85,7 +85,7 @@ impl Curved {
         DAffine3::from_scale((MM / self.half_m).extend(MM))
     }
 
-    /// Height over the tangent plane in metres, and slopes along u and v, at a place in metres from
+    /// Height over the tangent plane in meters, and slopes along u and v, at a place in meters from
     /// the middle.
     #[must_use]
     pub fn at(&self, place_m: DVec2) -> (f64, DVec2) {
@@ -93,7 +93,7 @@ impl Curved {
         (sag * MM, DVec2::new(x, y))
     }
 
-    /// Area over that of the tangent plane at a place in metres from the middle.
+    /// Area over that of the tangent plane at a place in meters from the middle.
     #[must_use]
     pub fn stretch(&self, place_m: DVec2) -> f64 {
         (1.0 + self.at(place_m).1.length_squared()).sqrt()

@@ -40,7 +40,7 @@ pub struct Aim {
     pub center: DVec3,
     /// Unit normal.
     pub normal: DVec3,
-    /// Radius in metres, > 0.
+    /// Radius in meters, > 0.
     pub radius_m: f64,
 }
 
@@ -71,7 +71,7 @@ impl Aim {
 pub enum Toward {
     /// A disk.
     Disk(Aim),
-    /// The exit pupil of the lens before it, in metres, along u, v and the normal of the detector.
+    /// The exit pupil of the lens before it, in meters, along u, v and the normal of the detector.
     Pupil(Arc<ExitPupil>),
 }
 
@@ -132,7 +132,7 @@ impl Rectangle {
         Self { n, ..*self }
     }
 
-    /// Place of a point of it along u and v, metres from the middle.
+    /// Place of a point of it along u and v, meters from the middle.
     fn film(&self, p: DVec3) -> DVec2 {
         let off = p - self.center;
         DVec2::new(off.dot(self.u.normalize()), off.dot(self.v.normalize()))

@@ -100,14 +100,14 @@ pub struct SensorConnection {
 /// How wide a pixel is along the rays through it.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelWidth {
-    /// At the sensor, in metres.
+    /// At the sensor, in meters.
     offset: f64,
     /// Growth per length: the angle between the rays of neighboring pixels, in radians.
     angle: f64,
 }
 
 impl PixelWidth {
-    /// After a path of `length` metres.
+    /// After a path of `length` meters.
     #[must_use]
     pub fn at(&self, length: f64) -> f64 {
         self.offset + self.angle * length
@@ -164,7 +164,7 @@ impl Camera {
         }
     }
 
-    /// A camera of parallel rays with a film `width_m` metres wide (> 0), placed by a rigid motion;
+    /// A camera of parallel rays with a film `width_m` meters wide (> 0), placed by a rigid motion;
     /// square pixels.
     #[must_use]
     pub fn orthographic(transform: Transform, resolution: Resolution, width_m: f64) -> Self {
@@ -176,7 +176,7 @@ impl Camera {
         }
     }
 
-    /// A detector of `width_m` × `height_m` metres (> 0) at rest: centred on the origin of the
+    /// A detector of `width_m` × `height_m` meters (> 0) at rest: centred on the origin of the
     /// rigid motion `pose`, u along its x axis and v along its y axis. It lets light through if
     /// `transparent`, else it absorbs it.
     #[must_use]

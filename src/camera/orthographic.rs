@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 /// Parallel projection onto a film of real size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Orthographic {
-    /// Half width and half height of the film in metres.
+    /// Half width and half height of the film in meters.
     half_film_m: DVec2,
 }
 

@@ -17,9 +17,9 @@ use std::f64::consts::PI;
 /// A lens of finite aperture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThinLens {
-    /// Radius of the aperture in metres, > 0.
+    /// Radius of the aperture in meters, > 0.
     pub radius_m: f64,
-    /// Distance of the plane in focus along the axis, metres, > 0.
+    /// Distance of the plane in focus along the axis, meters, > 0.
     pub focus_distance_m: f64,
 }
 

@@ -67,7 +67,7 @@ impl Accel {
         self.center
     }
 
-    /// Radius of the sphere around the bounds in metres; 1 without geometry.
+    /// Radius of the sphere around the bounds in meters; 1 without geometry.
     #[must_use]
     pub fn radius(&self) -> f64 {
         self.radius

@@ -30,7 +30,7 @@ pub struct Face {
 /// Faces in one place, at most one of each instance, in the order of the instances.
 pub type Faces = ArrayVec<Face, ROOM>;
 
-/// Distance in metres, along the unit normal `n`, within which a face of an instance is in the same
+/// Distance in meters, along the unit normal `n`, within which a face of an instance is in the same
 /// place as a point whose coordinates do not exceed `magnitude`; `extent` bounds the coordinates of
 /// the shape.
 #[must_use]

@@ -208,7 +208,7 @@ mod tests {
     #[test]
     fn segments_between_two_points_of_a_convex_surface_do_not_meet_it() {
         for profile in profiles().into_iter().take(3) {
-            // metres per millimeter, and distance from the origin
+            // meters per millimeter, and distance from the origin
             for (scale, far) in [(1e-3, 0.0), (1e-3, 10.0), (1e-6, 1e-2), (1.0, 1e4)] {
                 let shape = cap(profile.clone(), 12.0);
                 let turn = DQuat::from_rotation_x(0.4);

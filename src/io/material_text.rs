@@ -170,7 +170,7 @@ fn emission(emission: &Emission) -> String {
     format!("{{ rgb = {rgb}, scale = {scale} }}")
 }
 
-/// The key of `[[light]]` that makes a light, in metres; `None` for lights that turn with an image.
+/// The key of `[[light]]` that makes a light, in meters; `None` for lights that turn with an image.
 #[must_use]
 pub fn light(light: &Light) -> Option<String> {
     let to_world = light.transform.as_ref()?.at(0.0).to_world;

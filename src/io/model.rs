@@ -38,7 +38,7 @@ pub enum Projection {
     },
     /// Parallel.
     Orthographic {
-        /// Full height of the picture, metres.
+        /// Full height of the picture, meters.
         height: f64,
         /// Width by height of the picture.
         aspect: f64,
@@ -88,7 +88,7 @@ pub struct Model {
 /// Where and when a model is shown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Staging {
-    /// To the world, metres.
+    /// To the world, meters.
     pub to_world: DAffine3,
     /// The moment of its animations at the time 0 of the scene, in seconds.
     pub at_s: f64,

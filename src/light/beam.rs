@@ -21,7 +21,7 @@ pub enum BeamProfile {
     Uniform,
     /// `exp(-2 (r / waist)²)`.
     Gaussian {
-        /// Distance from the axis in metres, > 0, at which it is 1/e².
+        /// Distance from the axis in meters, > 0, at which it is 1/e².
         waist_m: f64,
     },
     /// Any other, as far as the aperture reaches.
@@ -32,7 +32,7 @@ pub enum BeamProfile {
 /// along +z: W/(m² nm), and W/m² per line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeamLight {
-    /// Radius of the aperture in metres, > 0.
+    /// Radius of the aperture in meters, > 0.
     pub radius_m: f64,
     /// Profile within it.
     pub profile: BeamProfile,

@@ -53,7 +53,7 @@ impl EpsilonStats {
 /// Figures of merging.
 #[derive(Clone, Copy, Debug)]
 pub struct MergeStats {
-    /// Radius of the first pass done, in metres.
+    /// Radius of the first pass done, in meters.
     pub radius_first: f64,
     /// Of the last.
     pub radius_last: f64,

@@ -1,6 +1,6 @@
 //! Scenes made in Rust: parts are added one by one, and named by handles.
 //!
-//! Lengths are metres, angles radians, wavelengths nanometers. Parts are checked when the scene is
+//! Lengths are meters, angles radians, wavelengths nanometers. Parts are checked when the scene is
 //! built, so that every problem names its part.
 
 mod checks;

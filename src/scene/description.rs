@@ -19,7 +19,7 @@ pub struct ObjectDescription {
     pub name: String,
     /// The surface.
     pub shape: Shape,
-    /// Where it is (metres).
+    /// Where it is (meters).
     pub transform: Transform,
     /// Material of the surface.
     pub material: MaterialId,

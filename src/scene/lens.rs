@@ -84,7 +84,7 @@ impl LensAssembly {
 
     /// Adds the lens to a scene, as objects named after it, of a black material and of one for the
     /// edges and flanges of its glass; `place` makes the transform of a part
-    /// from its map to the space of the lens in metres. Takes time and memory linear in its parts.
+    /// from its map to the space of the lens in meters. Takes time and memory linear in its parts.
     pub fn add_to(
         self,
         scene: &mut SceneDescription,

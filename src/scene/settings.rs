@@ -83,7 +83,7 @@ named! {
 /// Photon merging.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Merging {
-    /// Radius of the first pass in metres; `None`: found from the scene.
+    /// Radius of the first pass in meters; `None`: found from the scene.
     pub radius: Option<f64>,
     /// α in (0, 1]: the radius of pass i = 1, 2, ... is that of the first times i^(−(1−α)/2).
     pub alpha: f64,

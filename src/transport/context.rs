@@ -37,7 +37,7 @@ pub struct PassSettings {
     pub index: u32,
     /// Regularization of specular vertices at connections; `None`: they are not connectible.
     pub cone: Option<Cone>,
-    /// Radius of photon merging in metres; `None`: no merging.
+    /// Radius of photon merging in meters; `None`: no merging.
     pub merge_radius: Option<f64>,
     /// Wavelength and time for all paths; `None`: each path pair draws its own.
     pub shared: Option<SharedSample>,

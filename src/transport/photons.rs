@@ -184,7 +184,7 @@ fn octahedral(w: DVec3) -> [f32; 2] {
 /// Stored vertices in the order of their sub-paths.
 #[derive(Debug, Default)]
 pub struct PhotonBuffer {
-    /// From the center of the map, in metres.
+    /// From the center of the map, in meters.
     positions: Vec<[f32; 3]>,
     /// As [`Photon`] reads them.
     records: Vec<u32>,

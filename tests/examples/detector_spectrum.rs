@@ -19,7 +19,7 @@ use std::error::Error;
 /// Working range in nanometers, and bins of the spectrum.
 const RANGE_NM: [f64; 2] = [400.0, 700.0];
 const BINS: usize = 12;
-/// Index and thickness (metres) of the plate.
+/// Index and thickness (meters) of the plate.
 const INDEX: f64 = 1.5;
 const THICKNESS: f64 = 2e-3;
 /// Columns and rows of the detector.

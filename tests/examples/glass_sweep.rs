@@ -30,9 +30,9 @@ const LINES_NM: [f64; 3] = [656.2725, 587.5618, 486.1327];
 const APEX: f64 = FRAC_PI_3;
 /// Angle of incidence on the first face.
 const INCIDENCE: f64 = 1.05;
-/// Side of the prism in metres.
+/// Side of the prism in meters.
 const SIDE: f64 = 2e-3;
-/// Distance of the detector in metres.
+/// Distance of the detector in meters.
 const DISTANCE: f64 = 2.0;
 /// Deviation that meets the middle of the detector.
 const MIDDLE: f64 = 0.95;

@@ -83,7 +83,7 @@ fn a_known_texel_lands_on_the_known_pixel() {
         "{render}units = \"photometric\"\n[[model]]\ngltf = \"m.glb\"\nresolution = [2, 2]\n{dark}"
     );
     let (scene, settings) = scene_in(folder.path(), &model);
-    // an emissive factor of 1 is one candela per square metre
+    // an emissive factor of 1 is one candela per square meter
     let nit = abbe::io::gltf::PER_NIT;
     assert_texels("glTF", &picture(&scene, &settings, 400), nit);
 

@@ -20,7 +20,7 @@ keys! {
 pub struct Disk {
     /// Center.
     pub target: DVec3,
-    /// Radius in metres.
+    /// Radius in meters.
     pub radius_m: f64,
 }
 

@@ -233,7 +233,7 @@ pub struct PlacedLens {
     assembly: LensAssembly,
     /// Material of its edges; `None`: black.
     edge: Option<MaterialId>,
-    /// From the space of the lens in metres.
+    /// From the space of the lens in meters.
     pub to_world: DAffine3,
     /// Motion after that, the outermost link first.
     pub motion: Vec<Link>,

@@ -22,7 +22,7 @@ use std::path::PathBuf;
 keys! {
     /// A file of another program with all it holds, by exactly one of `gltf`, `obj` and `ply`.
     ModelKeys = "model" {
-        /// glTF 2.0 (`.gltf`, `.glb`), in metres.
+        /// glTF 2.0 (`.gltf`, `.glb`), in meters.
         gltf: Option<At<FileName>>;
         /// Wavefront OBJ with its MTL files, in the file's unit.
         obj: Option<At<FileName>>;

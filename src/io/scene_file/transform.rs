@@ -108,7 +108,7 @@ impl Value for Turn {
     }
 }
 
-/// An affine map: rows of a 3x4 matrix, its translation in metres.
+/// An affine map: rows of a 3x4 matrix, its translation in meters.
 #[derive(Clone, Copy, Debug)]
 pub struct Matrix(pub DAffine3);
 

@@ -65,7 +65,7 @@ impl Value for f64 {
     }
 }
 
-/// A length in metres.
+/// A length in meters.
 #[derive(Clone, Copy, Debug)]
 pub struct Length(pub f64);
 
@@ -279,7 +279,7 @@ impl<T: Value, const N: usize> Value for [T; N] {
     }
 }
 
-/// A point, or the vector between two, in metres.
+/// A point, or the vector between two, in meters.
 #[derive(Clone, Copy, Debug)]
 pub struct Point(pub DVec3);
 

@@ -61,7 +61,7 @@ impl Differential {
 
 /// `|dω_b/dA_a|` with the area perpendicular to the chain's segment at x_a: solid angle at x_b =
 /// `to` per area at x_a = `far` through the chain; per solid angle where x_a is infinitely far
-/// away. Steradians per square metre. Not finite where the chain is on a fold. [theory (9.2),
+/// away. Steradians per square meter. Not finite where the chain is on a fold. [theory (9.2),
 /// (9.3)]
 #[must_use]
 pub fn jacobian(bounces: &[Bounce], points: &[DVec3], eta: &[f64], far: &Far, to: DVec3) -> f64 {

@@ -118,7 +118,7 @@ fn the_image_of_a_point_light_in_a_mirror_is_a_disc_if_asked_for() {
     let cos = toward.normalize().dot((TARGET - EYE).normalize());
     let exact = 0.7 * 3.0 / (toward.length_squared() * film_area() * cos.powi(3));
     assert!((expected.flux / exact - 1.0).abs() < 2.0 * epsilon * epsilon);
-    // and the disc is ε b/(a + b) wide, seen from the pinhole, b of the a + b metres being those
+    // and the disc is ε b/(a + b) wide, seen from the pinhole, b of the a + b meters being those
     // from the mirror to the light
     let beyond = 1.0 / (EYE.y + 1.0);
     let width = epsilon * beyond * f64::from(SIDE) / (2.0 * HALF_WIDTH);
