@@ -6,8 +6,8 @@
 //! means of independent groups of consecutive passes, which sees that passes are stratified: their
 //! error falls faster than that of independent ones, so groups are as long as the render allows,
 //! and the choice whose passes cost half as much has twice as many. What light sub-paths bring
-//! scatters by its squares, as it is rare. The pilot traces one light sub-path with every sample,
-//! and what it brings counts as often as it is traced: so rare light is not missed where few are.
+//! scatters by its squares, as it is rare; a few passes with one light sub-path for every sample
+//! tell, and it counts as often as they are traced: so rare light is not missed where few are.
 //! [theory (2.11)]
 //!
 //! Scenes with mirrors or smooth glass always have one light sub-path per camera sub-path: caustics
@@ -59,10 +59,12 @@ const FEW: Effort = Effort {
 const CLEAR: f64 = 0.9;
 /// Independent groups of passes.
 const GROUPS: usize = 4;
-/// Passes of a group of the usual choice, pixels of the film for one of the lattice, and pixels of
-/// the lattice at least: the longest that the length of the pilot and the film have room for. Each
-/// costs at most 2 % of the shortest render that has it.
+/// Passes of a group of camera sub-paths of the usual choice, pixels of the film for one of the
+/// lattice, and pixels of the lattice at least: the longest that the length of the pilot and the
+/// film have room for. Each costs at most 2 % of the shortest render that has it.
 const LENGTHS: [(u32, u64, u64); 2] = [(64, 512, 8), (4, 320, 1)];
+/// Passes of a group with light sub-paths.
+const LIGHT_PASSES: u32 = 4;
 /// Pixels of the lattice at most.
 const PIXELS: u64 = 512;
 
@@ -149,20 +151,20 @@ pub fn choose(
         };
         pilot.run(&lattice)
     };
-    let alone = run(USUAL, LENGTHS[1].0, LightWalks::Never);
-    let [usual, few] = [USUAL, FEW].map(|e| run(e, e.passes * passes, LightWalks::Once));
-    let scale = usual.scale(Regions::new(crop));
-    let product = |outcome: &Outcome, effort: Effort| {
-        let cost = alone.cost() + effort.light_paths * (outcome.cost() - alone.cost());
-        outcome.variance(effort.light_paths, &scale) * cost
-    };
-    let pays = product(&few, FEW) < CLEAR * product(&usual, USUAL);
-    let chosen = if pays { FEW } else { USUAL };
-    let samples = [alone, usual, few].map(|outcome| outcome.samples());
+    let found = [USUAL, FEW].map(|effort| Trial {
+        light_paths: effort.light_paths,
+        own: run(effort, effort.passes * passes, LightWalks::Never),
+        all: run(effort, LIGHT_PASSES, LightWalks::Once),
+    });
+    let scale = found[0].all.scale(Regions::new(crop));
+    let [usual, few] = found
+        .each_ref()
+        .map(|trial| trial.variance(&scale) * trial.cost());
+    let chosen = if few < CLEAR * usual { FEW } else { USUAL };
     Some(EffortChoice {
         light_paths: chosen.light_paths,
         pairs: chosen.pairs,
-        samples: samples.iter().sum(),
+        samples: found.iter().map(Trial::samples).sum(),
     })
 }
 
@@ -230,6 +232,32 @@ impl Pilot<'_> {
     }
 }
 
+/// Findings about an effort.
+struct Trial {
+    light_paths: f64,
+    /// Without light sub-paths.
+    own: Outcome,
+    /// With one for each sample.
+    all: Outcome,
+}
+
+impl Trial {
+    /// Variance of a sample, relative to the brightness around, summed over the pixels.
+    fn variance(&self, scale: &[f64]) -> f64 {
+        self.own.scatter(scale) + self.light_paths * self.all.brought(scale)
+    }
+
+    /// Cost of a sample at every pixel.
+    fn cost(&self) -> f64 {
+        let alone = self.own.cost();
+        alone + self.light_paths * (self.all.cost() - alone)
+    }
+
+    fn samples(&self) -> u64 {
+        self.own.samples() + self.all.samples()
+    }
+}
+
 /// Findings of the groups of a pilot.
 struct Outcome {
     pixels: Vec<Pixel>,
@@ -263,19 +291,21 @@ impl Outcome {
         regions.scale()
     }
 
-    /// Variance of a sample, relative to the brightness around, summed over the pixels; light
-    /// sub-paths are traced `light_paths` times as often as they were.
-    fn variance(&self, light_paths: f64, scale: &[f64]) -> f64 {
-        let passes = f64::from(self.passes);
+    /// Variance of what camera sub-paths make alone: of the mean of a group, times its passes.
+    fn scatter(&self, scale: &[f64]) -> f64 {
         let of_pixel = |pixel: &Pixel| {
             let mean = pixel.own.iter().sum::<f64>() / GROUPS as f64;
-            let scatter: f64 = pixel.own.iter().map(|v| (v - mean).powi(2)).sum();
-            // of the mean of a group, times its passes: of one pass
-            let own = scatter / (GROUPS - 1) as f64 * passes;
-            let brought: f64 = pixel.brought.iter().map(|(v, at)| v * v * scale[*at]).sum();
-            own * scale[pixel.region] + light_paths * brought / (GROUPS as f64 * passes)
+            let squares: f64 = pixel.own.iter().map(|v| (v - mean).powi(2)).sum();
+            squares / (GROUPS - 1) as f64 * scale[pixel.region]
         };
-        self.pixels.iter().map(of_pixel).sum()
+        f64::from(self.passes) * self.pixels.iter().map(of_pixel).sum::<f64>()
+    }
+
+    /// Squares of what light sub-paths bring to a sample.
+    fn brought(&self, scale: &[f64]) -> f64 {
+        let all = self.pixels.iter().flat_map(|pixel| &pixel.brought);
+        let squares: f64 = all.map(|(v, at)| v * v * scale[*at]).sum();
+        squares / (GROUPS as f64 * f64::from(self.passes))
     }
 }
 
@@ -285,21 +315,28 @@ mod tests {
 
     #[test]
     fn variance_is_that_of_a_pass() {
-        // means of groups of 4 passes with variance 1: a pass has 4
+        let outcome = |own, passes| {
+            let pixel = Pixel {
+                region: 0,
+                own,
+                brought: vec![(4.0, 1), (8.0, 1)],
+                counters: Counters::default(),
+            };
+            Outcome {
+                pixels: vec![pixel],
+                passes,
+            }
+        };
+        // means of groups of 16 passes with variance 1: a pass has 16
         let spread = 0.75_f64.sqrt();
-        let pixel = Pixel {
-            region: 0,
-            own: [1.0 - spread, 1.0 + spread, 1.0 - spread, 1.0 + spread],
-            brought: vec![(4.0, 1), (8.0, 1)],
-            counters: Counters::default(),
+        let trial = Trial {
+            light_paths: 0.5,
+            own: outcome([1.0 - spread, 1.0 + spread, 1.0 - spread, 1.0 + spread], 16),
+            all: outcome([1.0; GROUPS], 4),
         };
+        assert_eq!(trial.samples(), 80);
         // 80 / 16 of what light sub-paths bring, half as often, of a region half as bright
-        let outcome = Outcome {
-            pixels: vec![pixel],
-            passes: 4,
-        };
-        let found = outcome.variance(0.5, &[0.25, 1.0]);
-        assert_eq!(outcome.samples(), 16);
-        assert!((found - (0.25 * 4.0 + 2.5)).abs() < 1e-12, "{found}");
+        let found = trial.variance(&[0.25, 1.0]);
+        assert!((found - (0.25 * 16.0 + 2.5)).abs() < 1e-12, "{found}");
     }
 }
