@@ -87,10 +87,16 @@ impl Regions {
     }
 }
 
-/// As many pixels, spread over the crop (the R2 lattice).
+/// As many pixels, spread over the crop.
 pub(super) fn lattice(crop: &Crop) -> impl Iterator<Item = (u32, u32)> {
+    spread(crop).take(SAMPLES as usize)
+}
+
+/// Pixels without end, of which any number from the first on are spread over the crop (the R2
+/// lattice).
+pub(super) fn spread(crop: &Crop) -> impl Iterator<Item = (u32, u32)> {
     let (x0, y0, width, height) = (crop.x0, crop.y0, crop.width(), crop.height());
-    (0..SAMPLES).map(move |i| {
+    (0u32..).map(move |i| {
         let u = (f64::from(i) * 0.754_877_666_246_692_8 + 0.5).fract();
         let v = (f64::from(i) * 0.569_840_290_998_053_3 + 0.5).fract();
         (

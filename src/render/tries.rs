@@ -11,7 +11,7 @@
 //! render agree.
 
 use super::PilotPasses;
-use super::pilot::{Regions, SHADOW, lattice, price};
+use super::pilot::{Regions, SHADOW, price, spread};
 use crate::film::Crop;
 use crate::integrator::{SensorJob, Workspace, sample_pixel};
 use crate::math::hash::combine;
@@ -29,12 +29,13 @@ use std::fmt;
 const PASSES: u32 = 4;
 /// Index of the first, which no render reaches.
 const FIRST_PASS: u32 = u32::MAX - 32;
-/// Pixels of the lattice by length of the pilot of variance factors, most of them, and the share of
-/// a film that they are at most.
-const PIXELS: [(u32, u64); 3] = [(4, 1024), (1, 256), (0, 64)];
+/// Pixels of the lattice by length of the pilot, most of them, and the share of a film that they
+/// are at most. A chain that few pixels see needs many of them.
+const PIXELS: [(u32, u64); 4] = [(64, 8192), (4, 1024), (1, 256), (0, 64)];
 const PIXELS_SHARE: u64 = 8;
 /// Pixels of the first batch; each later one doubles all. A batch is the last where the next would
-/// make the cost larger than a share of that of the shortest render with a pilot of this length.
+/// make the cost larger than a share of that of the shortest render with a pilot of variance
+/// factors of this length.
 const FIRST_PIXELS: usize = 16;
 const COST_SHARE: f64 = 0.1;
 /// Kinds that a vertex of the pilot tries at most on average.
@@ -157,7 +158,7 @@ struct Made {
 struct Pixel {
     region: usize,
     samples: Vec<Sample>,
-    tally: Vec<AimTally>,
+    tally: Vec<(u32, AimTally)>,
     counters: Counters,
 }
 
@@ -197,7 +198,6 @@ pub fn choose(
     length: PilotPasses,
 ) -> Option<TriesChoice> {
     let sparse = frame.strategies.tries?;
-    let length = length.of_factors();
     let kinds = sparse.kinds();
     let settings = Settings {
         seed: combine(u64::from(u32::MAX), u64::from(FIRST_PASS)),
@@ -209,8 +209,8 @@ pub fn choose(
     let most = PIXELS.iter().find(|(passes, _)| length.0 >= *passes);
     let most = most.map_or(0, |(_, pixels)| *pixels);
     let most = (crop.pixels() / PIXELS_SHARE).clamp(1, most) as usize;
-    let lattice: Vec<(u32, u32)> = lattice(&crop).take(most).collect();
-    let least = f64::from(length.least_samples()) * crop.pixels() as f64;
+    let lattice: Vec<(u32, u32)> = spread(&crop).take(most).collect();
+    let least = f64::from(length.of_factors().least_samples()) * crop.pixels() as f64;
     let regions = Regions::new(crop);
     let run = |pixels: &[(u32, u32)]| -> Vec<Pixel> {
         let one = |workspace: &mut Workspace, &pixel: &(u32, u32)| {
@@ -246,7 +246,10 @@ pub fn choose(
             Pixel {
                 region: regions.at(f64::from(pixel.0), f64::from(pixel.1)),
                 samples: samples.collect(),
-                tally: workspace.aims().to_vec(),
+                tally: (0u32..)
+                    .zip(workspace.aims().iter().copied())
+                    .filter(|(_, tally)| tally.solved > 0)
+                    .collect(),
                 counters: workspace.counters,
             }
         };
@@ -349,8 +352,8 @@ impl Balance {
                 }
             }
             counters.add(&pixel.counters);
-            for (at, (aim, tally)) in aims.iter_mut().zip(&pixel.tally).enumerate() {
-                let kind = at % sparse.kinds();
+            for &(at, tally) in &pixel.tally {
+                let (at, kind) = (at as usize, at as usize % sparse.kinds());
                 tallies.solved += tally.solved;
                 tallies.rays += tally.rays;
                 let price = (listed.searches[kind] * tally.solved as f64
@@ -358,7 +361,7 @@ impl Balance {
                     + SHADOW * tally.rays as f64)
                     / count;
                 spent += price;
-                aim.1 += price / sparse.share(Origin::Start, kind);
+                aims[at].1 += price / sparse.share(Origin::Start, kind);
             }
         }
         others.sort_by(f64::total_cmp);

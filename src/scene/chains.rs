@@ -3,15 +3,17 @@
 //! A chain runs from the light to the sensor and names each surface, whether it reflects or
 //! transmits, and the media on both sides of it. Listed are single mirrors and interfaces, balls
 //! crossed in one or two chords, reflections around the inside of a mirror, lenses of few surfaces,
-//! and flat faces in a row.
+//! and flat faces in a row: those of boxes, quads and disks, and the facets of meshes.
 
 use super::{Scene, probe};
-use crate::geometry::{AccelAt, InstanceId, Placement, Placements, Shape, SurfaceId};
+use crate::geometry::{AccelAt, Facets, InstanceId, Mesh, Placement, Placements, Shape, SurfaceId};
 use crate::medium::{Medium, MediumId};
 use crate::optics::{LensSurface, Profile};
 use crate::spectrum::ior::LINE_D_NM;
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Most specular vertices of a chain.
 pub const MAX_CHAIN: usize = 4;
@@ -19,13 +21,16 @@ pub const MAX_CHAIN: usize = 4;
 pub const MOST_KINDS: usize = 4096;
 /// Most groups of lens surfaces.
 const MOST_GROUPS: usize = 2;
-/// Most faces looked at.
+/// Most faces looked at, and most of one mesh.
 const MOST_FACES: usize = 256;
+const MOST_FACETS: usize = 64;
+/// Triangles of a facet that are looked at.
+const SAMPLED_TRIANGLES: usize = 8;
 
 /// A specular vertex of a kind of chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChainLink {
-    /// The face.
+    /// The face; of a mesh, the triangle that stands for a facet.
     pub id: SurfaceId,
     /// Transmits; else reflects.
     pub transmits: bool,
@@ -59,7 +64,12 @@ pub struct Chains {
     /// (hash, kind), sorted.
     index: Vec<(u64, u32)>,
     left_out: usize,
+    /// Facets of meshes, by instance.
+    facets: Vec<(InstanceId, Arc<Facets>)>,
 }
+
+/// A point on a face with its normal, in object space, and the triangle or other part it is on.
+type Sample = (DVec3, DVec3, u32);
 
 /// A face with what it can do.
 struct Face {
@@ -81,8 +91,26 @@ enum FaceShape {
     Lens,
 }
 
-/// Points of face `prim` with their normals, in object space.
-fn samples(shape: &Shape, prim: u32) -> Vec<(DVec3, DVec3)> {
+/// Points of a facet.
+fn facet_samples(mesh: &Mesh, triangles: &[u32]) -> Vec<Sample> {
+    let of = |&prim: &u32| {
+        let [a, b, c] = mesh.corners(prim, 0.0);
+        let (middle, n) = ((a + b + c) / 3.0, (b - a).cross(c - a).normalize());
+        let near = [a, b, c].map(|corner| middle.lerp(corner, 0.9));
+        [middle, near[0], near[1], near[2]].map(|p| (p, n, prim))
+    };
+    let some = triangles.iter().take(SAMPLED_TRIANGLES);
+    some.flat_map(of).collect()
+}
+
+/// Points of face `prim` of other shapes.
+fn samples(shape: &Shape, prim: u32) -> Vec<Sample> {
+    let points: Vec<(DVec3, DVec3)> = points(shape, prim);
+    points.into_iter().map(|(p, n)| (p, n, prim)).collect()
+}
+
+/// Points of face `prim` with their normals.
+fn points(shape: &Shape, prim: u32) -> Vec<(DVec3, DVec3)> {
     let square = [
         (0.0, 0.0),
         (0.9, 0.9),
@@ -139,24 +167,25 @@ impl Face {
         scene: &Scene,
         geometry: &AccelAt,
         id: SurfaceId,
+        samples: &[Sample],
         placement: &Placement,
     ) -> Option<Self> {
         let object = scene.object(id.instance);
         let material = scene.material(object.material);
         let [reflects, transmits] = material.smooth_labels()?;
         let shape = &geometry.accel().instance(id.instance).shape;
-        let local = samples(shape, id.prim);
-        let world = |&(p, n): &(DVec3, DVec3)| {
+        let world = |&(p, n, prim): &Sample| {
             (
                 placement.to_world.transform_point3(p),
                 placement.normal_to_world(n),
+                prim,
             )
         };
-        let points: Vec<(DVec3, DVec3)> = local.iter().map(world).collect();
+        let points: Vec<Sample> = samples.iter().map(world).collect();
         let mut media: Vec<[MediumId; 2]> = Vec::new();
-        for &(p, n) in &points {
-            let ambient = MediumId::AMBIENT;
-            let Some(above) = probe::stack_at(geometry, &scene.objects, p, n, Some(id), ambient)
+        for &(p, n, prim) in &points {
+            let (ambient, on) = (MediumId::AMBIENT, SurfaceId { prim, ..id });
+            let Some(above) = probe::stack_at(geometry, &scene.objects, p, n, Some(on), ambient)
             else {
                 continue;
             };
@@ -223,28 +252,46 @@ impl Chains {
         let opening = scene.sensors.first().map_or(0.0, |s| s.shutter.open_s);
         let geometry = scene.at(opening, &mut placements).geometry;
         let mut faces = Vec::new();
+        let mut facets: Vec<(InstanceId, Arc<Facets>)> = Vec::new();
+        let mut known: HashMap<*const Mesh, Option<Arc<Facets>>> = HashMap::new();
         for (i, instance) in scene.accel.instances().iter().enumerate() {
             let object = &scene.objects[i];
             let is_mirror_or_glass = object.light.is_none() && object.sensor.is_none();
-            if !is_mirror_or_glass || object.has_alpha {
+            let labels = scene.material(object.material).smooth_labels();
+            if !is_mirror_or_glass || object.has_alpha || labels.is_none() {
                 continue;
             }
             let placement = instance.transform.at(geometry.moment());
-            let prims = if matches!(instance.shape, Shape::Box) {
-                6
-            } else {
-                1
+            let instance_id = InstanceId(i as u32);
+            let mut add = |prim: u32, samples: &[Sample]| {
+                let id = SurfaceId {
+                    instance: instance_id,
+                    prim,
+                };
+                faces.extend(Face::new(scene, &geometry, id, samples, &placement));
             };
-            for prim in 0..prims {
-                let instance = InstanceId(i as u32);
-                let id = SurfaceId { instance, prim };
-                faces.extend(Face::new(scene, &geometry, id, &placement));
+            match &instance.shape {
+                Shape::Mesh(mesh) => {
+                    let of_mesh = || Facets::of(mesh, MOST_FACETS).map(Arc::new);
+                    let found = known.entry(Arc::as_ptr(mesh)).or_insert_with(of_mesh);
+                    if let Some(found) = found {
+                        for triangles in found.all() {
+                            add(triangles[0], &facet_samples(mesh, triangles));
+                        }
+                        facets.push((instance_id, Arc::clone(found)));
+                    }
+                }
+                Shape::Box => (0..6).for_each(|prim| add(prim, &samples(&instance.shape, prim))),
+                shape => add(0, &samples(shape, 0)),
             }
             if faces.len() >= MOST_FACES {
                 break;
             }
         }
-        let mut chains = Self::default();
+        let mut chains = Self {
+            facets,
+            ..Self::default()
+        };
         chains.singles(&faces);
         chains.balls(&faces);
         chains.around(&faces);
@@ -412,6 +459,25 @@ impl Chains {
     #[must_use]
     pub fn left_out(&self) -> usize {
         self.left_out
+    }
+
+    /// The face that stands for another one in links: of a mesh, that of its facet.
+    #[must_use]
+    pub fn face(&self, id: SurfaceId) -> SurfaceId {
+        match self.facets(id.instance) {
+            Some(facets) => SurfaceId {
+                prim: facets.first(id.prim),
+                ..id
+            },
+            None => id,
+        }
+    }
+
+    /// The facets of an instance of a mesh, where it has few.
+    #[must_use]
+    pub fn facets(&self, instance: InstanceId) -> Option<&Facets> {
+        let found = self.facets.binary_search_by_key(&instance, |of| of.0);
+        found.ok().map(|i| &*self.facets[i].1)
     }
 
     /// Index of the kind that these links are; `None` where it is not listed.

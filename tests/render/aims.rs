@@ -78,6 +78,59 @@ fn lens() -> String {
     [&BALL[..ball], lens, &BALL[lamp..]].concat()
 }
 
+/// A glass block in place of it, as a box or as a mesh.
+fn block(shape: &str) -> String {
+    let ball = "sphere = { center = [0, 1.2, 0], radius = 1 }";
+    assert!(BALL.contains(ball));
+    let block = format!(
+        "{shape}\n    transform = [{{ scale = [0.9, 0.6, 0.8] }}, {{ euler_deg = [20, 30, 40] }}, {{ translate = [0, 1.3, 0] }}]"
+    );
+    BALL.replace(ball, &block)
+}
+
+#[test]
+fn facets_of_a_mesh_are_solved_for_like_faces_of_a_box() {
+    let shapes = [
+        "mesh = { obj = \"assets/cube.obj\" }",
+        "box = { min = [-1, -1, -1], max = [1, 1, 1] }",
+    ];
+    // straight through, and by a reflection inside
+    let classes = ["LSSDE", "LDSSE"];
+    let mut kinds = Vec::new();
+    for shape in shapes {
+        let (scene, settings) = scene(&block(shape));
+        kinds.push(scene.chains().kinds().len());
+        let plain = measure(&scene, &aimed(&settings, Aiming::Off, 4), 16, 60, &classes);
+        let found = measure(&scene, &aimed(&settings, Aiming::All, 4), 16, 12, &classes);
+        for (i, class) in classes.iter().enumerate() {
+            compare(shape, class, &found.classes[i], &plain.classes[i], 0.12);
+        }
+    }
+    assert_eq!(kinds[0], kinds[1]);
+    assert!(kinds[0] > 60, "{kinds:?}");
+}
+
+#[test]
+fn the_sky_is_a_light_that_chains_lead_to() {
+    let lamp = BALL
+        .find("    [[object]]\n    name = \"lamp\"")
+        .expect("is there");
+    let text = format!(
+        "{}    [[light]]\n    environment = {{ radiance = 1 }}\n",
+        &BALL[..lamp]
+    );
+    let (scene, settings) = scene(&text);
+    let classes = ["LSSDE", "LDSSE", "LSDE"];
+    let plain = measure(&scene, &aimed(&settings, Aiming::Off, 4), 16, 100, &classes);
+    let found = measure(&scene, &aimed(&settings, Aiming::All, 4), 16, 24, &classes);
+    for (i, class) in classes.iter().enumerate() {
+        compare("sky", class, &found.classes[i], &plain.classes[i], 0.05);
+    }
+    let tried = |s, t| found.strategies[&("LSSDE".to_owned(), s, t)].0;
+    // by the aim alone
+    tried(1, 2).assert_is("sky through the ball", plain.classes[0].mean, 0.1);
+}
+
 #[test]
 fn chains_that_may_be_missed_agree_with_joins() {
     // the lens is small as the camera sees it

@@ -2,7 +2,7 @@
 
 use super::quadric::Quadric;
 use super::surface::Surface;
-use crate::geometry::{Instance, Placement, Shape, SurfaceId};
+use crate::geometry::{Facets, Instance, Placement, Shape, SurfaceId};
 use crate::optics::{LensSurface, Profile};
 use glam::{DMat3, DVec3};
 
@@ -12,8 +12,8 @@ const SIMILAR: f64 = 1e-12;
 const ON_SHEET: f64 = 1e-6;
 
 impl Surface {
-    /// Face `prim` of an instance under `placement` at `time` (seconds); `None` where its shape is
-    /// none of these: a mesh, an aspheric surface.
+    /// Face `prim` of an instance under `placement`; `None` where its shape is none of these: a
+    /// mesh that deforms, an aspheric surface.
     #[must_use]
     pub fn of(instance: &Instance, prim: u32, placement: &Placement) -> Option<Self> {
         let to_world = placement.to_world;
@@ -69,17 +69,31 @@ impl Surface {
                 }
                 _ => None,
             },
-            Shape::Mesh(_) | Shape::Deforming(_) => None,
+            Shape::Mesh(ref mesh) => {
+                let [a, b, c] = mesh.corners(prim, 0.0);
+                let normal = (b - a).cross(c - a).normalize();
+                Some(Self::Plane {
+                    origin: to_world.transform_point3(a),
+                    normal: placement.normal_to_world(normal),
+                })
+            }
+            Shape::Deforming(_) => None,
         }
     }
 }
 
-/// Whether a point of the surface lies on face `id.prim` of the instance, which may be smaller than
-/// the surface.
+/// The face that a point of the surface lies on, which may be smaller than the surface: `id`, or
+/// another triangle of its facet; `None` beside it.
 #[must_use]
-pub fn is_on_face(instance: &Instance, id: SurfaceId, placement: &Placement, p: DVec3) -> bool {
+pub fn face_at(
+    instance: &Instance,
+    facets: Option<&Facets>,
+    id: SurfaceId,
+    placement: &Placement,
+    p: DVec3,
+) -> Option<SurfaceId> {
     let q = placement.to_object.transform_point3(p);
-    match instance.shape {
+    let is_on = match instance.shape {
         Shape::Sphere => true,
         Shape::Cylinder => q.z.abs() <= 1.0,
         Shape::Quad => q.truncate().abs().max_element() <= 1.0,
@@ -98,6 +112,11 @@ pub fn is_on_face(instance: &Instance, id: SurfaceId, placement: &Placement, p: 
             let off = (q.z - profile.sag(q.x, q.y)).abs();
             aperture.contains(q.x, q.y) && off <= ON_SHEET * aperture.extent()
         }
-        Shape::Mesh(_) | Shape::Deforming(_) => false,
-    }
+        Shape::Mesh(ref mesh) => {
+            let prim = facets?.at(mesh, id.prim, q)?;
+            return Some(SurfaceId { prim, ..id });
+        }
+        Shape::Deforming(_) => false,
+    };
+    is_on.then_some(id)
 }

@@ -6,7 +6,7 @@ use super::{Bounce, Far, MAX_CHAIN, differential, is_complete, is_solvable, solv
 use crate::geometry::{EndPoint, InstanceId, SurfaceId, SurfacePoint};
 use crate::light::LightKind;
 use crate::medium::MediumId;
-use crate::scene::chains::{ChainKind, ChainLink};
+use crate::scene::chains::{ChainKind, ChainLink, Chains};
 use crate::transport::context::PathContext;
 use crate::transport::density::{Bridge, PathView};
 use crate::transport::strategies::StrategySet;
@@ -146,8 +146,9 @@ pub fn is_aimed_at(kind: &LightKind) -> bool {
         LightKind::Area(_)
         | LightKind::Point(_)
         | LightKind::Spot(_)
-        | LightKind::Directional(_) => true,
-        LightKind::Beam(_) | LightKind::Environment(_) => false,
+        | LightKind::Directional(_)
+        | LightKind::Environment(_) => true,
+        LightKind::Beam(_) => false,
     }
 }
 
@@ -171,8 +172,9 @@ pub fn bridges(
     let specular = |i: usize| (1..n - 1).contains(&i) && view.is_specular(i);
     let aimed = is_aimed_at(light);
     let bridge = |origin: Origin, (a, b), samples: f64, wanted: &dyn Fn(&ChainKind) -> bool| {
-        let links = links(trail, light, a, b)?;
-        let kind = context.scene.chains().find(&links)?;
+        let chains = context.scene.chains();
+        let links = links(chains, trail, light, a, b)?;
+        let kind = chains.find(&links)?;
         let samples = samples * strategies.tried(origin, kind);
         if samples == 0.0 || !wanted(&links) {
             return None;
@@ -253,7 +255,13 @@ fn is_found(
 }
 
 /// The links of the chain between x_a and x_b; `None` where it is too long.
-fn links(trail: &Trail, light: &LightKind, a: usize, b: usize) -> Option<ChainKind> {
+fn links(
+    chains: &Chains,
+    trail: &Trail,
+    light: &LightKind,
+    a: usize,
+    b: usize,
+) -> Option<ChainKind> {
     if b - a - 1 > MAX_CHAIN || a == 0 && !is_aimed_at(light) {
         return None;
     }
@@ -268,7 +276,7 @@ fn links(trail: &Trail, light: &LightKind, a: usize, b: usize) -> Option<ChainKi
         let toward_sensor = trail.position(i + 1) - place.p;
         let from_above = toward_light.dot(place.ng) > 0.0;
         ChainLink {
-            id: place.id,
+            id: chains.face(place.id),
             transmits: (toward_sensor.dot(place.ng) > 0.0) != from_above,
             from_above,
             media: place.media,

@@ -3,6 +3,8 @@
 //! Invariant: a function of the kind and of the labels of the path, never of its throughput or its
 //! place, so that all strategies of a path agree how often its bridges are tried.
 
+use std::collections::BTreeMap;
+
 /// Vertices that aim alike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
@@ -64,14 +66,33 @@ impl Origin {
     }
 }
 
+/// Kinds that an origin tries with one probability.
+#[derive(Clone, Debug, PartialEq)]
+struct Group {
+    share: f64,
+    kinds: Vec<u32>,
+}
+
+impl Group {
+    /// The kinds that are tried by who drew `u` in [0, 1): evenly spaced, so that each is tried
+    /// with the probability of all, and as many as they are on average.
+    fn drawn(&self, u: f64) -> impl Iterator<Item = usize> {
+        let at = move |i: usize| ((i as f64 + 1.0 - u) / self.share).ceil() as usize;
+        (0..)
+            .map(move |i| at(i).max(1) - 1)
+            .take_while(|&at| at < self.kinds.len())
+            .map(|at| self.kinds[at] as usize)
+    }
+}
+
 /// Probabilities by origin and kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tries {
     kinds: usize,
     /// Origin by origin.
     shares: Vec<f32>,
-    /// Kinds that an origin tries at all.
-    tried: Vec<Vec<u32>>,
+    /// Groups of kinds that an origin tries at all.
+    tried: Vec<Vec<Group>>,
 }
 
 impl Tries {
@@ -84,17 +105,22 @@ impl Tries {
         if shares.len() != wanted || !shares.iter().all(|s| (0.0..=1.0).contains(s)) {
             return Err(wanted);
         }
-        let tried = |origin: usize| {
-            let of = &shares[origin * kinds..(origin + 1) * kinds];
-            (0u32..)
-                .zip(of)
-                .filter(|t| *t.1 > 0.0)
-                .map(|t| t.0)
-                .collect()
+        let groups = |origin: usize| {
+            let mut groups: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+            for (kind, share) in (0u32..).zip(&shares[origin * kinds..(origin + 1) * kinds]) {
+                if *share > 0.0 {
+                    groups.entry(share.to_bits()).or_default().push(kind);
+                }
+            }
+            let group = |(share, kinds)| Group {
+                share: f64::from(f32::from_bits(share)),
+                kinds,
+            };
+            groups.into_iter().map(group).collect()
         };
         Ok(Self {
             kinds,
-            tried: (0..Origin::COUNT).map(tried).collect(),
+            tried: (0..Origin::COUNT).map(groups).collect(),
             shares,
         })
     }
@@ -117,18 +143,19 @@ impl Tries {
         f64::from(self.shares[origin.number() * self.kinds + kind])
     }
 
-    /// Kinds that are tried at all, by index.
+    /// Whether an origin tries any.
     #[must_use]
-    pub fn tried(&self, origin: Origin) -> &[u32] {
-        &self.tried[origin.number()]
+    pub fn has_any(&self, origin: Origin) -> bool {
+        !self.tried[origin.number()].is_empty()
     }
 
-    /// Whether a kind is tried by the vertex that drew `u` in [0, 1). One number serves all kinds:
-    /// each takes it shifted by its own multiple of the golden ratio.
-    #[must_use]
-    pub fn is_tried(&self, origin: Origin, kind: usize, u: f64) -> bool {
+    /// Kinds, by index, that are tried by the vertex that drew `u` in [0, 1). One number serves
+    /// all: kinds of one probability are taken at even steps from where it says, each probability
+    /// from `u` shifted by its own multiple of the golden ratio.
+    pub fn drawn(&self, origin: Origin, u: f64) -> impl Iterator<Item = usize> {
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
-        (u + GOLDEN * kind as f64).fract() < self.share(origin, kind)
+        let groups = self.tried[origin.number()].iter().enumerate();
+        groups.flat_map(move |(i, group)| group.drawn((u + GOLDEN * i as f64).fract()))
     }
 }
 
@@ -145,20 +172,30 @@ mod tests {
 
     #[test]
     fn kinds_are_tried_as_often_as_their_shares_say() {
-        let shares: Vec<f32> = (0..Origin::COUNT * 3)
-            .map(|i| [1.0, 0.125, 0.0][i % 3])
+        let shares: Vec<f32> = (0..Origin::COUNT * 6)
+            .map(|i| [1.0, 0.125, 0.0, 0.125, 0.3, 0.125][i % 6])
             .collect();
-        let tries = Tries::new(3, shares).expect("three for each");
+        let tries = Tries::new(6, shares).expect("six for each");
         assert_eq!(Tries::new(3, vec![1.0]), Err(27));
         assert_eq!(Tries::new(1, vec![2.0; 9]), Err(9));
         for origin in Origin::all() {
-            assert_eq!(tries.tried(origin), [0, 1]);
-            let count = |kind| {
-                (0..1000)
-                    .filter(|i| tries.is_tried(origin, kind, f64::from(*i) * 1e-3))
-                    .count()
-            };
-            assert_eq!([0, 1, 2].map(count), [1000, 125, 0]);
+            let mut counts = [0; 6];
+            for i in 0..8000 {
+                let mut drawn: Vec<usize> = tries.drawn(origin, f64::from(i) / 8000.0).collect();
+                drawn.iter().for_each(|&kind| counts[kind] += 1);
+                drawn.dedup();
+                assert!(drawn.len() <= 5);
+            }
+            assert_eq!(counts, [8000, 1000, 0, 1000, 2400, 1000]);
+        }
+    }
+
+    #[test]
+    fn nothing_is_drawn_where_nothing_is_tried() {
+        let tries = Tries::new(2, vec![0.0; 18]).expect("two for each");
+        for origin in Origin::all() {
+            assert!(!tries.has_any(origin));
+            assert_eq!(tries.drawn(origin, 0.5).count(), 0);
         }
     }
 }

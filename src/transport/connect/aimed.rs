@@ -3,7 +3,7 @@
 mod reach;
 
 use super::{Candidate, Joiner, Numerator};
-use crate::geometry::{EndPoint, Face, Ray};
+use crate::geometry::{EndPoint, Face, Ray, SurfaceId};
 use crate::light::{LightId, LightKind};
 use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
@@ -79,16 +79,12 @@ impl<'a> TriesFrom<'a> {
     /// Kinds, by index, that this sample tries; `draw` numbers the vertex.
     fn kinds(self, draw: usize) -> impl Iterator<Item = usize> + use<'a> {
         let Self { tries, origin, .. } = self;
-        let all = tries.map_or(self.listed, |tries| tries.tried(origin).len());
-        let u = match tries {
-            Some(_) if all > 0 => self.sampler.number(Draw::AimTries(draw)),
-            _ => 0.0,
-        };
-        (0..all).filter_map(move |i| {
-            let Some(tries) = tries else { return Some(i) };
-            let kind = tries.tried(origin)[i] as usize;
-            tries.is_tried(origin, kind, u).then_some(kind)
-        })
+        let all = if tries.is_some() { 0 } else { self.listed };
+        let drawn = tries.filter(|tries| tries.has_any(origin)).map(|tries| {
+            let u = self.sampler.number(Draw::AimTries(draw));
+            tries.drawn(origin, u)
+        });
+        (0..all).chain(drawn.into_iter().flatten())
     }
 }
 
@@ -233,13 +229,10 @@ impl<'a> Joiner<'a> {
         if !trail::is_aimed_at(&light.kind) {
             return None;
         }
-        let sample = light.sample_emission(
-            &scene.geometry,
-            &self.context.wavelengths,
-            u0,
-            DVec2::new(u[1], u[2]),
-            DVec2::splat(0.5),
-        )?;
+        // x₀ is a point, or a direction where it is infinitely far away
+        let u_x0 = DVec2::new(u[1], u[2]);
+        let sample =
+            light.sample_emission(&scene.geometry, &self.context.wavelengths, u0, u_x0, u_x0)?;
         Some(Start {
             id,
             x0: sample.x0,
@@ -377,12 +370,12 @@ impl<'a> Joiner<'a> {
         let context = self.context;
         let scene = context.scene;
         let m = points.len();
+        let mut faces: ArrayVec<SurfaceId, MAX_CHAIN> = ArrayVec::new();
         for (link, &p) in kind.iter().zip(points) {
             let instance = scene.accel.instance(link.id.instance);
+            let facets = scene.chains().facets(link.id.instance);
             let placement = instance.transform.at(context.moment());
-            if !placed::is_on_face(instance, link.id, &placement, p) {
-                return None;
-            }
+            faces.push(placed::face_at(instance, facets, link.id, &placement, p)?);
         }
         // unit directions and lengths of the segments, from the light to the sensor
         let mut segments: ArrayVec<(DVec3, f64), { MAX_CHAIN + 1 }> = ArrayVec::new();
@@ -407,7 +400,8 @@ impl<'a> Joiner<'a> {
         }
         let mut solved: ArrayVec<Solved, MAX_CHAIN> = ArrayVec::new();
         for (i, (link, bounce)) in kind.iter().zip(bounces).enumerate() {
-            let (vertex, value) = self.solved(link, bounce, points[i], &segments[i..i + 2]);
+            let at = (faces[i], points[i]);
+            let (vertex, value) = self.solved(link, bounce, at, &segments[i..i + 2]);
             lanes *= value;
             lanes *= context.medium(link.before()).transmittance(segments[i].1);
             solved.push(vertex);

@@ -5,6 +5,7 @@ use super::super::end::{EndLabel, Receiver};
 use super::{Ends, LightEnd, SensorEnd, Start};
 use crate::bsdf::{Bsdf, Label};
 use crate::geometry::{EndPoint, SurfaceId};
+use crate::light::LightKind;
 use crate::medium::{MediumId, MediumStack};
 use crate::scene::chains::ChainLink;
 use crate::spectrum::SampledSpectrum;
@@ -46,19 +47,20 @@ pub(super) struct Solved {
 }
 
 impl Joiner<'_> {
-    /// A specular vertex of a chain between its two segments, and its reflectance or transmittance.
+    /// A specular vertex of a chain, on face `id` between its two segments, and its reflectance or
+    /// transmittance.
     pub(super) fn solved(
         &mut self,
         link: &ChainLink,
         bounce: &Bounce,
-        p: DVec3,
+        (id, p): (SurfaceId, DVec3),
         segments: &[(DVec3, f64)],
     ) -> (Solved, SampledSpectrum) {
         let context = self.context;
         let scene = context.scene;
         let ng = bounce.surface.normal(p);
         let interface = context.interface(link.media, link.id.instance);
-        let uv = scene.geometry.texture_coordinates(link.id, p);
+        let uv = scene.geometry.texture_coordinates(id, p);
         self.scratch.lobes.clear();
         scene
             .material(scene.object(link.id.instance).material)
@@ -87,7 +89,7 @@ impl Joiner<'_> {
             place: Place {
                 p,
                 ng,
-                id: link.id,
+                id,
                 media: link.media,
             },
             label,
@@ -130,11 +132,13 @@ impl Joiner<'_> {
             LightEnd::Start => {
                 let Start { id, x0, pdf, .. } = ends.start;
                 let (light, context) = (self.light(id), self.context);
+                let (geometry, waves) = (&context.scene.geometry, &context.wavelengths);
                 let value = match self.emitted(id, &x0, w) {
                     Some(radiance) => radiance,
+                    None if matches!(light.kind, LightKind::Environment(_)) => {
+                        light.escaped_radiance(geometry, -w, waves)
+                    }
                     None => {
-                        let geometry = &context.scene.geometry;
-                        let waves = &context.wavelengths;
                         let sample = light.sample_direct(geometry, waves, p, 0.0, DVec2::ZERO)?;
                         let d2 = if x0.infinite { 1.0 } else { length * length };
                         sample.value * d2 as f32
