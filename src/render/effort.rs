@@ -1,14 +1,12 @@
 //! Effort of a render: how many light sub-paths a camera sub-path is worth, and how often pairs of
 //! inner vertices are tried.
 //!
-//! A pilot renders a lattice of pixels under two choices and takes the one whose variance times
-//! cost is less; cost is counted at fixed prices. What camera sub-paths make alone scatters by the
-//! means of independent groups of consecutive passes, which sees that passes are stratified: their
-//! error falls faster than that of independent ones, so groups are as long as the render allows,
-//! and the choice whose passes cost half as much has twice as many. What light sub-paths bring
-//! scatters by its squares, as it is rare; a few passes with one light sub-path for every sample
-//! tell, and it counts as often as they are traced: so rare light is not missed where few are.
-//! [theory (2.11)]
+//! A pilot renders a lattice of pixels under two choices, with the same random numbers, and takes
+//! the one whose variance times cost is less; cost is counted at fixed prices. What camera
+//! sub-paths make alone scatters by the means of independent groups of consecutive passes, which
+//! sees that passes are stratified; what light sub-paths bring scatters by its squares, as it is
+//! rare. The pilot traces one light sub-path with every sample, and what it brings counts as often
+//! as it is traced: so rare light is not missed where few are. [theory (2.11)]
 //!
 //! Scenes with mirrors or smooth glass always have one light sub-path per camera sub-path: caustics
 //! are made by them, and a pilot may not have met what lights one.
@@ -33,40 +31,20 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Effort of a sample beside its camera sub-path.
-#[derive(Clone, Copy)]
-struct Effort {
-    light_paths: f64,
-    /// Probability with which a pair of inner vertices is tried.
-    pairs: f64,
-    /// Passes that cost as much as one of the usual choice.
-    passes: u32,
-}
-
-/// Usual effort, and the one that is worth its cost where camera sub-paths do nearly as well alone.
-/// Where few light sub-paths are traced, each is joined to all.
-const USUAL: Effort = Effort {
-    light_paths: 1.0,
-    pairs: PAIR_PROBABILITY,
-    passes: 1,
-};
-const FEW: Effort = Effort {
-    light_paths: 0.0625,
-    pairs: 1.0,
-    passes: 2,
-};
+/// Light sub-paths per camera sub-path and probability of pairs: what is usual, and what is worth
+/// its cost where camera sub-paths do nearly as well alone. Where few light sub-paths are traced,
+/// each is joined to all.
+const USUAL: (f64, f64) = (1.0, PAIR_PROBABILITY);
+const FEW: (f64, f64) = (0.0625, 1.0);
 /// Product of variance and cost, relative to the usual choice, above which few are not taken.
 const CLEAR: f64 = 0.9;
-/// Independent groups of passes.
+/// Independent groups of passes, and passes of each.
 const GROUPS: usize = 4;
-/// Passes of a group of camera sub-paths of the usual choice, pixels of the film for one of the
-/// lattice, and pixels of the lattice at least: the longest that the length of the pilot and the
-/// film have room for. Each costs at most 2 % of the shortest render that has it.
-const LENGTHS: [(u32, u64, u64); 2] = [(64, 512, 8), (4, 320, 1)];
-/// Passes of a group with light sub-paths.
-const LIGHT_PASSES: u32 = 4;
-/// Pixels of the lattice at most.
+const PASSES: u32 = 4;
+/// Pixels of the lattice at most, and pixels of the film for one of them: the pilot takes a tenth
+/// of a sample per pixel.
 const PIXELS: u64 = 512;
+const PIXELS_SHARE: u64 = 320;
 
 /// Effort per sample, and how it was found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -118,28 +96,24 @@ pub fn choose(
     response: SensorResponse,
     length: PilotPasses,
 ) -> Option<EffortChoice> {
-    if !has_choice(frame) {
+    let count = (crop.pixels() / PIXELS_SHARE).min(PIXELS) as usize;
+    if !has_choice(frame) || !length.is_full() || count == 0 {
         return None;
     }
-    let (passes, count) = LENGTHS
-        .iter()
-        .map(|&(passes, share, least)| (passes, crop.pixels() / share, least))
-        .find(|&(passes, count, least)| length.within(passes).0 == passes && count >= least)
-        .map(|(passes, count, _)| (passes, count.min(PIXELS) as usize))?;
     let settings: Vec<Settings> = (0..GROUPS as u64)
         .map(|group| Settings {
             seed: combine(u64::from(u32::MAX), combine(1 << 32, group)),
             ..frame.settings.clone()
         })
         .collect();
-    let lattice: Vec<(u32, u32)> = lattice(&crop).take(count).collect();
-    let run = |effort: Effort, passes, light_walks| {
+    let pixels: Vec<(u32, u32)> = lattice(&crop).take(count).collect();
+    let run = |(light_paths, pairs), light_walks| {
         let jobs = settings.iter().map(|settings| {
             let mut job = SensorJob::new(frame.scene, frame.sensor, settings, &crop, false);
             job.strategies.tries = frame.strategies.tries;
             job.strategies.factors = factors;
-            job.strategies.pairs = effort.pairs;
-            job.strategies.set_light_paths(effort.light_paths);
+            job.strategies.pairs = pairs;
+            job.strategies.set_light_paths(light_paths);
             job.light_walks = light_walks;
             job
         });
@@ -147,26 +121,28 @@ pub fn choose(
             groups: jobs.collect(),
             regions: Regions::new(crop),
             response,
-            passes,
         };
-        pilot.run(&lattice)
+        pilot.run(&pixels)
     };
-    let found = [USUAL, FEW].map(|effort| Trial {
-        light_paths: effort.light_paths,
-        own: run(effort, effort.passes * passes, LightWalks::Never),
-        all: run(effort, LIGHT_PASSES, LightWalks::Once),
-    });
-    let scale = found[0].all.scale(Regions::new(crop));
-    let [usual, few] = found
-        .each_ref()
-        .map(|trial| trial.variance(&scale) * trial.cost());
-    let chosen = if few < CLEAR * usual { FEW } else { USUAL };
+    let cost_of = |pixels: &[Pixel]| pixels.iter().map(|p| price(&p.counters)).sum::<f64>();
+    let alone = cost_of(&run(USUAL, LightWalks::Never));
+    let (usual, few) = (run(USUAL, LightWalks::Once), run(FEW, LightWalks::Once));
+    let scale = scale(Regions::new(crop), &usual);
+    let product = |pixels: &[Pixel], light_paths: f64| {
+        let cost = alone + light_paths * (cost_of(pixels) - alone);
+        variance(pixels, light_paths, &scale) * cost
+    };
+    let pays = product(&few, FEW.0) < CLEAR * product(&usual, USUAL.0);
+    let (light_paths, pairs) = if pays { FEW } else { USUAL };
     Some(EffortChoice {
-        light_paths: chosen.light_paths,
-        pairs: chosen.pairs,
-        samples: found.iter().map(Trial::samples).sum(),
+        light_paths,
+        pairs,
+        samples: 3 * SAMPLES * pixels.len() as u64,
     })
 }
+
+/// Samples of a pixel.
+const SAMPLES: u64 = GROUPS as u64 * PASSES as u64;
 
 /// Samples of one pixel.
 struct Pixel {
@@ -182,22 +158,16 @@ struct Pilot<'a> {
     groups: Vec<SensorJob<'a>>,
     regions: Regions,
     response: SensorResponse,
-    /// Of each group.
-    passes: u32,
 }
 
 impl Pilot<'_> {
-    fn run(&self, lattice: &[(u32, u32)]) -> Outcome {
-        let pixels = lattice
+    fn run(&self, pixels: &[(u32, u32)]) -> Vec<Pixel> {
+        pixels
             .par_iter()
             .map_init(Workspace::default, |workspace, &pixel| {
                 self.pixel(pixel, workspace)
             })
-            .collect();
-        Outcome {
-            pixels,
-            passes: self.passes,
-        }
+            .collect()
     }
 
     fn pixel(&self, pixel: (u32, u32), workspace: &mut Workspace) -> Pixel {
@@ -205,7 +175,7 @@ impl Pilot<'_> {
         let (mut own, mut brought) = ([0.0; GROUPS], Vec::new());
         workspace.counters = Counters::default();
         for (job, own) in self.groups.iter().zip(&mut own) {
-            for index in 0..self.passes {
+            for index in 0..PASSES {
                 let pass = PassSettings {
                     index,
                     ..PassSettings::default()
@@ -218,7 +188,7 @@ impl Pilot<'_> {
                             brought.push((value, self.regions.at(raster.x, raster.y)));
                         }
                         Target::OwnPixel if made.s >= 2 => brought.push((value, region)),
-                        Target::OwnPixel => *own += value / f64::from(self.passes),
+                        Target::OwnPixel => *own += value / f64::from(PASSES),
                     }
                 }
             }
@@ -232,81 +202,32 @@ impl Pilot<'_> {
     }
 }
 
-/// Findings about an effort.
-struct Trial {
-    light_paths: f64,
-    /// Without light sub-paths.
-    own: Outcome,
-    /// With one for each sample.
-    all: Outcome,
-}
-
-impl Trial {
-    /// Variance of a sample, relative to the brightness around, summed over the pixels.
-    fn variance(&self, scale: &[f64]) -> f64 {
-        self.own.scatter(scale) + self.light_paths * self.all.brought(scale)
-    }
-
-    /// Cost of a sample at every pixel.
-    fn cost(&self) -> f64 {
-        let alone = self.own.cost();
-        alone + self.light_paths * (self.all.cost() - alone)
-    }
-
-    fn samples(&self) -> u64 {
-        self.own.samples() + self.all.samples()
-    }
-}
-
-/// Findings of the groups of a pilot.
-struct Outcome {
-    pixels: Vec<Pixel>,
-    /// Of each group.
-    passes: u32,
-}
-
-impl Outcome {
-    /// Samples of all pixels.
-    fn samples(&self) -> u64 {
-        GROUPS as u64 * u64::from(self.passes) * self.pixels.len() as u64
-    }
-
-    /// Cost of a sample at every pixel.
-    fn cost(&self) -> f64 {
-        let all: f64 = self.pixels.iter().map(|p| price(&p.counters)).sum();
-        all / (GROUPS as f64 * f64::from(self.passes))
-    }
-
-    /// Region by region, one over the squared brightness that is found where light sub-paths are as
-    /// many as samples.
-    fn scale(&self, mut regions: Regions) -> Vec<f64> {
-        for pixel in &self.pixels {
-            regions.add_samples(pixel.region, GROUPS as u32 * self.passes);
-            let own = pixel.own.iter().sum::<f64>() * f64::from(self.passes);
-            regions.add_light(pixel.region, own);
-            for &(value, at) in &pixel.brought {
-                regions.add_light(at, value);
-            }
+/// Region by region, one over the squared brightness that is found where light sub-paths are as
+/// many as samples.
+fn scale(mut regions: Regions, pixels: &[Pixel]) -> Vec<f64> {
+    for pixel in pixels {
+        regions.add_samples(pixel.region, SAMPLES as u32);
+        let own = pixel.own.iter().sum::<f64>() * f64::from(PASSES);
+        regions.add_light(pixel.region, own);
+        for &(value, at) in &pixel.brought {
+            regions.add_light(at, value);
         }
-        regions.scale()
     }
+    regions.scale()
+}
 
-    /// Variance of what camera sub-paths make alone: of the mean of a group, times its passes.
-    fn scatter(&self, scale: &[f64]) -> f64 {
-        let of_pixel = |pixel: &Pixel| {
-            let mean = pixel.own.iter().sum::<f64>() / GROUPS as f64;
-            let squares: f64 = pixel.own.iter().map(|v| (v - mean).powi(2)).sum();
-            squares / (GROUPS - 1) as f64 * scale[pixel.region]
-        };
-        f64::from(self.passes) * self.pixels.iter().map(of_pixel).sum::<f64>()
-    }
-
-    /// Squares of what light sub-paths bring to a sample.
-    fn brought(&self, scale: &[f64]) -> f64 {
-        let all = self.pixels.iter().flat_map(|pixel| &pixel.brought);
-        let squares: f64 = all.map(|(v, at)| v * v * scale[*at]).sum();
-        squares / (GROUPS as f64 * f64::from(self.passes))
-    }
+/// Variance of a sample, relative to the brightness around, summed over the pixels; light sub-paths
+/// are traced `light_paths` times as often as they were.
+fn variance(pixels: &[Pixel], light_paths: f64, scale: &[f64]) -> f64 {
+    let of_pixel = |pixel: &Pixel| {
+        let mean = pixel.own.iter().sum::<f64>() / GROUPS as f64;
+        let scatter: f64 = pixel.own.iter().map(|v| (v - mean).powi(2)).sum();
+        // of the mean of a group, times its passes: of one pass
+        let own = scatter / (GROUPS - 1) as f64 * f64::from(PASSES);
+        let brought: f64 = pixel.brought.iter().map(|(v, at)| v * v * scale[*at]).sum();
+        own * scale[pixel.region] + light_paths * brought / SAMPLES as f64
+    };
+    pixels.iter().map(of_pixel).sum()
 }
 
 #[cfg(test)]
@@ -315,28 +236,16 @@ mod tests {
 
     #[test]
     fn variance_is_that_of_a_pass() {
-        let outcome = |own, passes| {
-            let pixel = Pixel {
-                region: 0,
-                own,
-                brought: vec![(4.0, 1), (8.0, 1)],
-                counters: Counters::default(),
-            };
-            Outcome {
-                pixels: vec![pixel],
-                passes,
-            }
-        };
-        // means of groups of 16 passes with variance 1: a pass has 16
+        // means of groups of 4 passes with variance 1: a pass has 4
         let spread = 0.75_f64.sqrt();
-        let trial = Trial {
-            light_paths: 0.5,
-            own: outcome([1.0 - spread, 1.0 + spread, 1.0 - spread, 1.0 + spread], 16),
-            all: outcome([1.0; GROUPS], 4),
+        let pixel = Pixel {
+            region: 0,
+            own: [1.0 - spread, 1.0 + spread, 1.0 - spread, 1.0 + spread],
+            brought: vec![(4.0, 1), (8.0, 1)],
+            counters: Counters::default(),
         };
-        assert_eq!(trial.samples(), 80);
         // 80 / 16 of what light sub-paths bring, half as often, of a region half as bright
-        let found = trial.variance(&[0.25, 1.0]);
-        assert!((found - (0.25 * 16.0 + 2.5)).abs() < 1e-12, "{found}");
+        let found = variance(&[pixel], 0.5, &[0.25, 1.0]);
+        assert!((found - (0.25 * 4.0 + 2.5)).abs() < 1e-12, "{found}");
     }
 }

@@ -47,13 +47,14 @@ const MOST_GROWTH: f64 = 4.0;
 const ROULETTE_SHARE: f64 = 0.05;
 /// Numbers that are kept, at most.
 const MOST_VALUES: usize = 1 << 21;
-/// Passes of a group of a render of at least so many samples per pixel.
+/// Length of the pilots of a render of at least so many samples per pixel.
 const PASSES: [(u32, u32); 3] = [(64, 64), (16, 4), (4, 1)];
 /// Passes of a group of the pilot of variance factors, at most: it takes a sixteenth of the pixels
 /// in [`GROUPS`] times as many, without light sub-paths, which is at most 3 % of the render.
 const MOST_PASSES: u32 = 4;
 
-/// Passes of a group of the longest pilot; 0: there is none, the factors are those of the rule.
+/// Length of the pilots of a render: passes of a group in that of variance factors, up to 4;
+/// beyond, only that of tries is longer. 0: there are none, the factors are those of the rule.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PilotPasses(pub u32);
 
@@ -72,18 +73,16 @@ impl PilotPasses {
         found.map_or(1, |(least, _)| *least)
     }
 
-    /// The length of a pilot whose groups have at most so many passes.
-    #[must_use]
-    pub fn within(self, passes: u32) -> Self {
-        let lengths = PASSES.iter().map(|(_, length)| *length);
-        let found = lengths.into_iter().find(|&l| l <= self.0.min(passes));
-        Self(found.unwrap_or(0))
-    }
-
-    /// That of the pilots of variance factors and of tries.
+    /// That of the pilot of variance factors.
     #[must_use]
     pub fn of_factors(self) -> Self {
-        self.within(MOST_PASSES)
+        Self(self.0.min(MOST_PASSES))
+    }
+
+    /// Whether the render is long enough for a pilot of variance factors of full length.
+    #[must_use]
+    pub fn is_full(self) -> bool {
+        self.of_factors().0 == MOST_PASSES
     }
 
     /// For a render of so many samples per pixel.
