@@ -39,14 +39,14 @@ impl Facets {
         }
         let (low, high) = mesh.bounds();
         let off = OFF * low.distance(high);
-        let area = |prim: u32| winding_normal(mesh.corners(prim, 0.0)).length();
-        let mut by_area: Vec<(f64, u32)> = (0..count as u32).map(|i| (area(i), i)).collect();
+        let area = |prim: u32| (mesh.area_of(prim, 0.0), prim);
+        let mut by_area: Vec<(f64, u32)> = (0..count as u32).map(area).collect();
         by_area.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut planes: Vec<Plane> = Vec::new();
         let (mut of, mut triangles) = (vec![0; count], Vec::<Vec<u32>>::new());
         for (_, prim) in by_area {
             let corners = mesh.corners(prim, 0.0);
-            let normal = winding_normal(corners).normalize();
+            let normal = mesh.geometric_normal(prim, 0.0);
             if !is_shaded_flat(mesh, prim, normal) {
                 return None;
             }
@@ -92,20 +92,17 @@ impl Facets {
     pub fn at(&self, mesh: &Mesh, prim: u32, p: DVec3) -> Option<u32> {
         let is_on = |&prim: &u32| {
             let [a, b, c] = mesh.corners(prim, 0.0);
-            let normal = winding_normal([a, b, c]);
-            let area = normal.length_squared();
-            // barycentric weights times the area
+            let (normal, area) = (
+                mesh.geometric_normal(prim, 0.0),
+                2.0 * mesh.area_of(prim, 0.0),
+            );
+            // barycentric weights times twice the area
             [[a, b], [b, c], [c, a]]
                 .into_iter()
                 .all(|[from, to]| (to - from).cross(p - from).dot(normal) >= -BETWEEN * area)
         };
         self.with(prim).iter().copied().find(is_on)
     }
-}
-
-/// Twice the area times the unit normal.
-fn winding_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
-    (b - a).cross(c - a)
 }
 
 /// Whether the normals at the corners of a triangle are its own.

@@ -136,6 +136,12 @@ impl<C: Corners> TriangleMesh<C> {
         self.corners.at(time).triangle(prim).map(vec)
     }
 
+    /// The unit normal of triangle `prim` at `time`, outward; that of its vertices may be another.
+    #[must_use]
+    pub fn geometric_normal(&self, prim: u32, time: f64) -> DVec3 {
+        winding_normal(&self.corners.at(time).triangle(prim)).normalize()
+    }
+
     /// Whether its vertices have texture coordinates.
     #[must_use]
     pub fn has_texture_coordinates(&self) -> bool {

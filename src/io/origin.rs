@@ -1,6 +1,6 @@
 //! Vertices in single precision about an origin in double precision.
 //!
-//! Files in map coordinates have vertices millions of meters from zero that lie millimetres apart.
+//! Files in map coordinates have vertices millions of meters from zero that lie millimeters apart.
 //! Single precision about zero loses them; about the middle of their mesh it does not.
 
 use glam::DVec3;

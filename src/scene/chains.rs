@@ -95,7 +95,7 @@ enum FaceShape {
 fn facet_samples(mesh: &Mesh, triangles: &[u32]) -> Vec<Sample> {
     let of = |&prim: &u32| {
         let [a, b, c] = mesh.corners(prim, 0.0);
-        let (middle, n) = ((a + b + c) / 3.0, (b - a).cross(c - a).normalize());
+        let (middle, n) = ((a + b + c) / 3.0, mesh.geometric_normal(prim, 0.0));
         let near = [a, b, c].map(|corner| middle.lerp(corner, 0.9));
         [middle, near[0], near[1], near[2]].map(|p| (p, n, prim))
     };
@@ -105,8 +105,8 @@ fn facet_samples(mesh: &Mesh, triangles: &[u32]) -> Vec<Sample> {
 
 /// Points of face `prim` of other shapes.
 fn samples(shape: &Shape, prim: u32) -> Vec<Sample> {
-    let points: Vec<(DVec3, DVec3)> = points(shape, prim);
-    points.into_iter().map(|(p, n)| (p, n, prim)).collect()
+    let points = points(shape, prim).into_iter();
+    points.map(|(p, n)| (p, n, prim)).collect()
 }
 
 /// Points of face `prim` with their normals.
@@ -167,12 +167,11 @@ impl Face {
         scene: &Scene,
         geometry: &AccelAt,
         id: SurfaceId,
+        [reflects, transmits]: [bool; 2],
         samples: &[Sample],
         placement: &Placement,
     ) -> Option<Self> {
         let object = scene.object(id.instance);
-        let material = scene.material(object.material);
-        let [reflects, transmits] = material.smooth_labels()?;
         let shape = &geometry.accel().instance(id.instance).shape;
         let world = |&(p, n, prim): &Sample| {
             (
@@ -257,18 +256,17 @@ impl Chains {
         for (i, instance) in scene.accel.instances().iter().enumerate() {
             let object = &scene.objects[i];
             let is_mirror_or_glass = object.light.is_none() && object.sensor.is_none();
-            let labels = scene.material(object.material).smooth_labels();
-            if !is_mirror_or_glass || object.has_alpha || labels.is_none() {
+            if !is_mirror_or_glass || object.has_alpha {
                 continue;
             }
+            let Some(labels) = scene.material(object.material).smooth_labels() else {
+                continue;
+            };
             let placement = instance.transform.at(geometry.moment());
-            let instance_id = InstanceId(i as u32);
+            let of = InstanceId(i as u32);
             let mut add = |prim: u32, samples: &[Sample]| {
-                let id = SurfaceId {
-                    instance: instance_id,
-                    prim,
-                };
-                faces.extend(Face::new(scene, &geometry, id, samples, &placement));
+                let id = SurfaceId { instance: of, prim };
+                faces.extend(Face::new(scene, &geometry, id, labels, samples, &placement));
             };
             match &instance.shape {
                 Shape::Mesh(mesh) => {
@@ -278,7 +276,7 @@ impl Chains {
                         for triangles in found.all() {
                             add(triangles[0], &facet_samples(mesh, triangles));
                         }
-                        facets.push((instance_id, Arc::clone(found)));
+                        facets.push((of, Arc::clone(found)));
                     }
                 }
                 Shape::Box => (0..6).for_each(|prim| add(prim, &samples(&instance.shape, prim))),

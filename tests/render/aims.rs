@@ -45,27 +45,36 @@ const BALL: &str = r#"
     emission = 20
 "#;
 
-/// The ball of [`BALL`] pressed flat.
-fn flat() -> String {
+/// Another shape in place of the ball of [`BALL`].
+fn with_shape(shape: &str) -> String {
     let ball = "sphere = { center = [0, 1.2, 0], radius = 1 }";
-    let flat = r#"sphere = { center = [0, 0, 0], radius = 1 }
+    assert!(BALL.contains(ball));
+    BALL.replace(ball, shape)
+}
+
+/// Lengths of the text before the ball, and before the lamp behind it.
+fn before_ball_and_lamp() -> [usize; 2] {
+    ["ball", "lamp"].map(|name| {
+        let head = format!("    [[object]]\n    name = \"{name}\"");
+        BALL.find(&head).expect("is there")
+    })
+}
+
+/// The ball pressed flat.
+fn flat() -> String {
+    with_shape(
+        r#"sphere = { center = [0, 0, 0], radius = 1 }
     transform = [
         { scale = [1.2, 0.4, 0.9] },
         { rotate = { axis = [1, 0, 1], deg = 20 } },
         { translate = [0, 1.2, 0] },
-    ]"#;
-    assert!(BALL.contains(ball));
-    BALL.replace(ball, flat)
+    ]"#,
+    )
 }
 
 /// A lens in place of it.
 fn lens() -> String {
-    let ball = BALL
-        .find("    [[object]]\n    name = \"ball\"")
-        .expect("is there");
-    let lamp = BALL
-        .find("    [[object]]\n    name = \"lamp\"")
-        .expect("is there");
+    let [ball, lamp] = before_ball_and_lamp();
     let lens = r#"
     [[lens]]
     name = "lens"
@@ -80,12 +89,9 @@ fn lens() -> String {
 
 /// A glass block in place of it, as a box or as a mesh.
 fn block(shape: &str) -> String {
-    let ball = "sphere = { center = [0, 1.2, 0], radius = 1 }";
-    assert!(BALL.contains(ball));
-    let block = format!(
+    with_shape(&format!(
         "{shape}\n    transform = [{{ scale = [0.9, 0.6, 0.8] }}, {{ euler_deg = [20, 30, 40] }}, {{ translate = [0, 1.3, 0] }}]"
-    );
-    BALL.replace(ball, &block)
+    ))
 }
 
 #[test]
@@ -94,7 +100,7 @@ fn facets_of_a_mesh_are_solved_for_like_faces_of_a_box() {
         "mesh = { obj = \"assets/cube.obj\" }",
         "box = { min = [-1, -1, -1], max = [1, 1, 1] }",
     ];
-    // straight through, and by a reflection inside
+    // light and view through the block
     let classes = ["LSSDE", "LDSSE"];
     let mut kinds = Vec::new();
     for shape in shapes {
@@ -112,9 +118,7 @@ fn facets_of_a_mesh_are_solved_for_like_faces_of_a_box() {
 
 #[test]
 fn the_sky_is_a_light_that_chains_lead_to() {
-    let lamp = BALL
-        .find("    [[object]]\n    name = \"lamp\"")
-        .expect("is there");
+    let [_, lamp] = before_ball_and_lamp();
     let text = format!(
         "{}    [[light]]\n    environment = {{ radiance = 1 }}\n",
         &BALL[..lamp]

@@ -70,11 +70,10 @@ impl Surface {
                 _ => None,
             },
             Shape::Mesh(ref mesh) => {
-                let [a, b, c] = mesh.corners(prim, 0.0);
-                let normal = (b - a).cross(c - a).normalize();
+                let [corner, ..] = mesh.corners(prim, 0.0);
                 Some(Self::Plane {
-                    origin: to_world.transform_point3(a),
-                    normal: placement.normal_to_world(normal),
+                    origin: to_world.transform_point3(corner),
+                    normal: placement.normal_to_world(mesh.geometric_normal(prim, 0.0)),
                 })
             }
             Shape::Deforming(_) => None,
