@@ -12,12 +12,12 @@ use crate::render::OutputRequest;
 use crate::render::memory::{
     film_bytes, geometry_bytes, object_bytes, saving_bytes, texture_bytes,
 };
-use crate::report::readable::counted;
+use crate::report::readable::{counted, percent};
 use crate::scene::chains::ChainLink;
 use crate::scene::effects::Effect;
 use crate::scene::moving::Moving;
 use crate::scene::regularization::decide;
-use crate::scene::settings::Aiming;
+use crate::scene::settings::{Aiming, IntegratorKind};
 use crate::scene::{Scene, Sensor};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -95,6 +95,23 @@ fn chains(loaded: &Loaded) -> String {
         _ = writeln!(text, "  and {} more", kinds.len() - TOLD_CHAINS);
     }
     text
+}
+
+/// Casters of caustics; nothing where there are none, or where no light sub-path is traced.
+fn casters(loaded: &Loaded) -> String {
+    let (casters, integrator) = (&loaded.scene.casters, loaded.settings.integrator);
+    if casters.count() == 0 || integrator == IntegratorKind::Path {
+        return String::new();
+    }
+    format!(
+        "casters\n  {}: {} of the light sub-paths start toward them, where these are not most of what a light sends\n",
+        counted(
+            casters.count() as u64,
+            "place with mirrors or glass",
+            "places with mirrors or glass"
+        ),
+        percent(casters.share())
+    )
 }
 
 /// Numbers of objects by kind of shape, detectors left out.
@@ -248,6 +265,7 @@ fn to_text(loaded: &Loaded) -> String {
     }
     text += &sequences_text(scene);
     text += &summary::effects(&effects(loaded));
+    text += &casters(loaded);
     text += &chains(loaded);
     let ((films, saving), meshes) = (films_bytes(loaded), geometry_bytes(scene));
     let images = scene.images();
@@ -352,6 +370,7 @@ fn to_json(loaded: &Loaded) -> Value {
         "motion": motion.collect::<Vec<_>>(),
         "contacts": contacts(scene).collect::<Vec<_>>(),
         "media": media.collect::<Vec<_>>(),
+        "casters": json!({ "places": scene.casters.count(), "share": scene.casters.share() }),
         "sequences": scene.sequences.as_ref().map(|sequences| {
             sequences.all().iter().map(|s| s.expression()).collect::<Vec<_>>()
         }),

@@ -85,6 +85,22 @@ pub enum DirectionalDensity {
 }
 
 impl DirectionalDensity {
+    /// Another density in the same measure.
+    #[must_use]
+    pub fn map(self, change: impl FnOnce(f64) -> f64) -> Self {
+        match self {
+            Self::SolidAngle(pdf) => Self::SolidAngle(change(pdf)),
+            Self::Perpendicular(pdf) => Self::Perpendicular(change(pdf)),
+        }
+    }
+
+    /// The density, in its own measure.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        let (Self::SolidAngle(pdf) | Self::Perpendicular(pdf)) = self;
+        pdf
+    }
+
     /// Area density at the next vertex, at distance² `d2`, whose normal makes `cos` (absolute
     /// value) with the segment.
     #[must_use]

@@ -510,6 +510,7 @@ pub(super) fn start_light(
     let light = scene.light(id);
     let Some(emission) = light.sample_emission(
         &scene.geometry,
+        &scene.casters,
         &context.wavelengths,
         u_face,
         DVec2::new(u_x, u_y),
@@ -525,6 +526,9 @@ pub(super) fn start_light(
         return false;
     }
     let weight: SampledSpectrum = emission.weight;
+    if weight.is_black(context.count()) {
+        return true;
+    }
     walk(
         context,
         path,

@@ -5,6 +5,7 @@ use super::part::{PartHeader, PassRange};
 use crate::camera::curved::Curved;
 use crate::camera::detector::Toward;
 use crate::film::Filter;
+use crate::light::casters::Casters;
 use crate::math::hash::hash_bytes;
 use crate::optics::Polarization;
 use crate::render::{EpsilonChoice, RadiusChoice, Render};
@@ -233,6 +234,9 @@ fn image_values(
     ];
     if scene.polarization != Polarization::Average {
         values.push(("fresnel", scene.polarization.to_string()));
+    }
+    if scene.casters.share() != Casters::SHARE {
+        values.push(("casterShare", scene.casters.share().to_string()));
     }
     if let Some(sequences) = &scene.sequences {
         values.push(("sequences", sequences.source().to_owned()));

@@ -39,6 +39,11 @@ impl AreaLight {
             .sample(instance, self.instance, geometry.moment(), u_face, u)
     }
 
+    /// Integral of the cosine over the directions in which a point emits, in steradians.
+    pub(super) fn reach(&self) -> f64 {
+        PI * self.sides()
+    }
+
     fn sides(&self) -> f64 {
         if self.two_sided { 2.0 } else { 1.0 }
     }

@@ -10,7 +10,9 @@
 
 pub mod area;
 pub mod beam;
+pub mod casters;
 pub mod directional;
+mod emission;
 pub mod environment;
 pub mod environment_image;
 pub mod point;
@@ -314,25 +316,6 @@ impl Light {
         radius.atan2(center.distance(p))
     }
 
-    /// Starts a light sub-path. `u_face` picks a face or triangle, `u_pos` the position, `u_dir`
-    /// the direction. `None` where nothing leaves (zero density).
-    #[must_use]
-    pub fn sample_emission(
-        &self,
-        geometry: &AccelAt,
-        wavelengths: &SampledWavelengths,
-        u_face: f64,
-        u_pos: DVec2,
-        u_dir: DVec2,
-    ) -> Option<EmissionSample> {
-        let mut sample = self.start(geometry, u_face, u_pos, u_dir)?;
-        sample.weight *= self.emission.sample(wavelengths);
-        if let Some(pattern) = self.pattern_at(geometry, &sample.x0, wavelengths) {
-            sample.weight *= pattern;
-        }
-        Some(sample)
-    }
-
     /// The factor on the emission at x₀, where it varies over the light.
     fn pattern_at(
         &self,
@@ -371,57 +354,6 @@ impl Light {
                 out.extend(light.image.iter().map(|i| i.image().clone()));
             }
             _ => {}
-        }
-    }
-
-    /// `sample_emission` for unit emission.
-    fn start(
-        &self,
-        geometry: &AccelAt,
-        u_face: f64,
-        u_pos: DVec2,
-        u_dir: DVec2,
-    ) -> Option<EmissionSample> {
-        let place = self.placement(geometry);
-        match &self.kind {
-            LightKind::Area(light) => light.sample_emission(geometry, u_face, u_pos, u_dir),
-            LightKind::Point(_) => Some(PointLight::sample_emission(&place, u_dir)),
-            LightKind::Spot(light) => light.sample_emission(&place, u_dir),
-            LightKind::Directional(_) => DirectionalLight::sample_emission(geometry, &place, u_pos),
-            LightKind::Beam(light) => Some(light.sample_emission(&place, u_pos)),
-            LightKind::Environment(light) => {
-                let turn = self.turn(geometry);
-                light.sample_emission(geometry, turn.as_deref(), u_face, u_pos, u_dir)
-            }
-        }
-    }
-
-    /// Density of `x0` (as `EmissionSample::pdf_x0`) and of leaving it in `direction` (unit, away
-    /// from the light).
-    #[must_use]
-    pub fn emission_density(
-        &self,
-        geometry: &AccelAt,
-        x0: &EndPoint,
-        direction: DVec3,
-    ) -> (f64, DirectionalDensity) {
-        use DirectionalDensity::{Perpendicular, SolidAngle};
-        match &self.kind {
-            LightKind::Area(light) => light.emission_density(geometry, x0, direction),
-            LightKind::Point(_) => (1.0, SolidAngle(PointLight::DIRECTION_PDF)),
-            LightKind::Spot(light) => (
-                1.0,
-                SolidAngle(light.direction_density(&self.placement(geometry), direction)),
-            ),
-            LightKind::Directional(_) => (
-                1.0,
-                Perpendicular(1.0 / DirectionalLight::flux_factor(geometry)),
-            ),
-            LightKind::Beam(light) => (1.0, light.density(&self.placement(geometry), x0.p)),
-            LightKind::Environment(light) => (
-                light.direction_pdf(self.turn(geometry).as_deref(), direction),
-                EnvironmentLight::disk_density(geometry),
-            ),
         }
     }
 

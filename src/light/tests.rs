@@ -1,5 +1,6 @@
 //! Tests that every light must pass, whatever its kind, and closed forms of illumination.
 
+use super::casters::{Ball, Casters};
 use super::spot::Falloff;
 use super::*;
 use crate::geometry::{Accel, AreaSampler, Instance, InstanceId, Shape};
@@ -15,6 +16,7 @@ fn unit_emission() -> Emission {
 fn spectrum_multiplies_every_value() {
     let accel = accel();
     let context = context(&accel);
+    let none = Casters::default();
     let wavelengths = WavelengthDistribution::uniform([400.0, 700.0]).sample(0.3, 4);
     let x1 = DVec3::new(1.1, 0.1, 0.5);
     for light in lights() {
@@ -24,9 +26,9 @@ fn spectrum_multiplies_every_value() {
             light
         };
         let u = DVec2::new(0.4, 0.7);
-        let unit = light.start(&context, 0.2, u, u).unwrap();
+        let unit = light.start(&context, &none, 0.2, u, u).unwrap();
         let three = scaled(3.0)
-            .sample_emission(&context, &wavelengths, 0.2, u, u)
+            .sample_emission(&context, &none, &wavelengths, 0.2, u, u)
             .unwrap();
         assert!((three.weight[3] / unit.weight[3] - 3.0).abs() < 1e-6);
         let near = scaled(3.0).sample_direct(&context, &wavelengths, x1, 0.2, u);
@@ -142,31 +144,82 @@ fn points(count: u32) -> impl Iterator<Item = (f64, DVec2, DVec2)> {
     })
 }
 
-fn value(density: DirectionalDensity) -> f64 {
-    match density {
-        DirectionalDensity::SolidAngle(p) | DirectionalDensity::Perpendicular(p) => p,
-    }
-}
-
 #[test]
 fn emission_density_is_that_of_the_sample() {
     let accel = accel();
     let context = context(&accel);
-    for light in lights() {
+    for (light, casters) in lights()
+        .iter()
+        .flat_map(|l| [(l, Casters::default()), (l, casters())])
+    {
         for (u_face, u_pos, u_dir) in points(200) {
-            let Some(s) = light.start(&context, u_face, u_pos, u_dir) else {
+            let Some(s) = light.start(&context, &casters, u_face, u_pos, u_dir) else {
                 continue;
             };
             assert!((s.direction.length() - 1.0).abs() < 1e-14);
-            let (pdf_x0, pdf_direction) = light.emission_density(&context, &s.x0, s.direction);
+            let x1 = s.origin + 1.3 * s.direction;
+            let density =
+                |casters| light.emission_density(&context, casters, &s.x0, s.direction, x1);
+            let (pdf_x0, pdf_direction) = density(&casters);
             assert!((pdf_x0 / s.pdf_x0 - 1.0).abs() < 1e-12, "{light:?}");
             assert_eq!(
                 std::mem::discriminant(&pdf_direction),
                 std::mem::discriminant(&s.pdf_direction)
             );
-            let ratio = value(pdf_direction) / value(s.pdf_direction);
+            let ratio = pdf_direction.value() / s.pdf_direction.value();
             assert!((ratio - 1.0).abs() < 1e-9, "{light:?}");
+            // what it emits is the same however it is drawn
+            let (_, own) = density(&Casters::default());
+            let emitted = f64::from(s.weight[0]) * s.pdf_x0 * pdf_direction.value();
+            let plain = light
+                .start(&context, &Casters::default(), u_face, u_pos, u_dir)
+                .unwrap();
+            let expected = f64::from(plain.weight[0]) * plain.pdf_x0 * own.value();
+            assert!(
+                (emitted - expected).abs() <= 1e-6 * expected,
+                "{light:?}: {emitted} {expected}"
+            );
         }
+    }
+}
+
+/// Smooth things at two places.
+fn casters() -> Casters {
+    let around = |p: DVec3, r: f64| Ball::around_round((p - DVec3::splat(r), p + DVec3::splat(r)));
+    let balls = [
+        around(DVec3::new(1.4, -0.8, 1.3), 0.1),
+        around(DVec3::new(-0.6, 0.9, 0.5), 0.05),
+    ];
+    Casters::new(0.5, balls.to_vec())
+}
+
+#[test]
+fn half_of_the_light_goes_toward_casters() {
+    let accel = accel();
+    let context = context(&accel);
+    let casters = casters();
+    let count = 4000;
+    for (light, aimed) in lights()
+        .iter()
+        .zip([true, true, true, true, true, false, true])
+    {
+        let is_aimed = |(u_face, u_pos, u_dir)| {
+            let s = light
+                .start(&context, &casters, u_face, u_pos, u_dir)
+                .unwrap();
+            let x1 = s.origin + s.direction;
+            let density = |c| {
+                light
+                    .emission_density(&context, c, &s.x0, s.direction, x1)
+                    .1
+                    .value()
+            };
+            density(&casters) > density(&Casters::default())
+        };
+        let share = points(count).filter(|&u| is_aimed(u)).count() as f64 / f64::from(count);
+        // a little of the other half goes there as well
+        let expected = if aimed { 0.5..0.56 } else { 0.0..0.001 };
+        assert!(expected.contains(&(share + 1e-4)), "{light:?}: {share}");
     }
 }
 
@@ -175,6 +228,7 @@ fn weight_is_the_flux() {
     // every kind is sampled in proportion to what it emits
     let accel = accel();
     let context = context(&accel);
+    let none = Casters::default();
     let spot = 2.0 * PI * (1.0 - 0.5 * (0.7_f64.cos() + 0.2_f64.cos()));
     let expected = [
         PI * PI * 0.09,
@@ -191,7 +245,7 @@ fn weight_is_the_flux() {
             "{light:?}"
         );
         for (u_face, u_pos, u_dir) in points(50) {
-            let s = light.start(&context, u_face, u_pos, u_dir).unwrap();
+            let s = light.start(&context, &none, u_face, u_pos, u_dir).unwrap();
             assert!(
                 (f64::from(s.weight[0]) / flux - 1.0).abs() < 1e-6,
                 "{light:?}"
@@ -204,9 +258,10 @@ fn weight_is_the_flux() {
 fn connections_find_what_emission_sends() {
     let accel = accel();
     let context = context(&accel);
+    let none = Casters::default();
     for light in lights() {
         for (u_face, u_pos, u_dir) in points(200) {
-            let s = light.start(&context, u_face, u_pos, u_dir).unwrap();
+            let s = light.start(&context, &none, u_face, u_pos, u_dir).unwrap();
             let x1 = s.origin + 1.3 * s.direction;
             let direct = light.direct_density(&context, x1, &s.x0);
             assert!(direct > 0.0, "{light:?}");
@@ -220,7 +275,8 @@ fn connections_find_what_emission_sends() {
             assert!((again / c.pdf - 1.0).abs() < 1e-12, "{light:?}");
             // F is one function: weight·pdf's of emission and value·pdf of connection share L or I
             // or E
-            let (pdf_x0, pdf_direction) = light.emission_density(&context, &c.x0, -c.toward);
+            let (pdf_x0, pdf_direction) =
+                light.emission_density(&context, &none, &c.x0, -c.toward, x1);
             let flux = f64::from(s.weight[0]) * pdf_x0;
             let distance = if c.distance.is_finite() {
                 c.distance
@@ -241,6 +297,7 @@ fn connections_find_what_emission_sends() {
 fn disk_illuminates_by_its_form_factor() {
     let accel = accel();
     let context = context(&accel);
+    let none = Casters::default();
     let light = area(0, false);
     let h = 0.5;
     let normal = disk_pose().transform_vector3(DVec3::Z);
@@ -267,8 +324,8 @@ fn disk_illuminates_by_its_form_factor() {
         .connect(&context, behind, 0.5, DVec2::splat(0.3))
         .unwrap();
     assert_eq!(light.direct_density(&context, behind, &c.x0), 0.0);
-    let (_, pdf) = light.emission_density(&context, &c.x0, -c.toward);
-    assert_eq!(value(pdf), 0.0);
+    let (_, pdf) = light.emission_density(&context, &none, &c.x0, -c.toward, behind);
+    assert_eq!(pdf.value(), 0.0);
     // a point of another surface is not of this light
     let quad = area(1, true)
         .connect(&context, x1, 0.5, DVec2::splat(0.3))
@@ -280,10 +337,11 @@ fn disk_illuminates_by_its_form_factor() {
 fn two_sided_light_leaves_both_sides_evenly() {
     let accel = accel();
     let context = context(&accel);
+    let none = Casters::default();
     let light = area(1, true);
     let n = 2000;
     let front = points(n)
-        .filter_map(|(u_face, u_pos, u_dir)| light.start(&context, u_face, u_pos, u_dir))
+        .filter_map(|(u_face, u_pos, u_dir)| light.start(&context, &none, u_face, u_pos, u_dir))
         .filter(|s| s.direction.dot(s.x0.n) > 0.0)
         .count();
     assert!((front as f64 / f64::from(n) - 0.5).abs() < 0.01);
@@ -293,9 +351,10 @@ fn two_sided_light_leaves_both_sides_evenly() {
 fn far_lights_start_outside_and_cover_the_scene() {
     let accel = accel();
     let context = context(&accel);
+    let none = Casters::default();
     for light in lights().into_iter().skip(4).step_by(2) {
         for (u_face, u_pos, u_dir) in points(200) {
-            let s = light.start(&context, u_face, u_pos, u_dir).unwrap();
+            let s = light.start(&context, &none, u_face, u_pos, u_dir).unwrap();
             let from_center = s.origin - accel.center();
             assert!(from_center.length() >= accel.radius() * (1.0 - 1e-12));
             assert!((from_center.dot(s.direction) + accel.radius()).abs() < 1e-12);

@@ -19,6 +19,8 @@ use std::sync::Arc;
 /// GGX roughness below which a lobe is built as smooth: the peak's density would outgrow what
 /// connections can use.
 pub const SMOOTH_ALPHA: f64 = 1e-3;
+/// GGX roughness up to which a surface casts caustics.
+const NARROW_ALPHA: f64 = 0.3;
 
 /// Relative difference of indices below which a rough dielectric interface is built as smooth:
 /// refraction is then undone to within rounding, and there is no half vector to speak of.
@@ -294,6 +296,20 @@ impl LobeSpec {
             | Self::ColoredMetal { alpha, .. }
             | Self::Coat { alpha, .. }
             | Self::Dielectric { alpha, .. } => is_smooth(alpha),
+        }
+    }
+
+    /// Whether it sends light into a narrow cone: smooth, or somewhere not rougher than
+    /// [`NARROW_ALPHA`].
+    pub(super) fn is_narrow(&self) -> bool {
+        let is_narrow = |a: &ScalarTexture| a.constant().is_none_or(|a| a <= NARROW_ALPHA);
+        match self {
+            Self::Diffuse { .. } | Self::CoatedDiffuse { .. } => false,
+            Self::Mirror { .. } | Self::Thin { .. } => true,
+            Self::Conductor { alpha, .. }
+            | Self::ColoredMetal { alpha, .. }
+            | Self::Coat { alpha, .. }
+            | Self::Dielectric { alpha, .. } => alpha.iter().any(is_narrow),
         }
     }
 

@@ -237,6 +237,14 @@ impl Material {
             .any(|(weight, spec)| weight.constant() != Some(0.0) && spec.is_specular())
     }
 
+    /// Whether it may cast a caustic: it reflects or refracts into a narrow cone.
+    #[must_use]
+    pub fn casts(&self) -> bool {
+        self.lobes
+            .iter()
+            .any(|(weight, spec)| weight.constant() != Some(0.0) && spec.is_narrow())
+    }
+
     /// Whether its reflectances can be told for one polarization: those of facets and of layers of
     /// paint are for unpolarized light.
     #[must_use]

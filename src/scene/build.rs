@@ -19,6 +19,7 @@ use crate::geometry::{
     Accel, AccelAt, AreaSampler, Instance, InstanceId, Shape, Shutter, SurfaceId,
 };
 use crate::light::area::AreaLight;
+use crate::light::casters::{Ball, Casters};
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightId};
 use crate::material::{Material, MaterialId};
@@ -240,7 +241,10 @@ impl Scene {
             .map(|(i, _)| LightId(i))
             .collect();
         let wavelengths = distribution(&description.wavelengths, &lights, &fluxes);
+        let balls = caster_balls(&objects, &materials, &accel);
+        let casters = Casters::new(description.caster_share, balls);
         let mut scene = Self {
+            casters,
             has_coverage: objects.iter().any(|o| o.has_alpha),
             has_coatings: materials.iter().any(|m| m.coating.is_some()),
             selection: LightSelection::new(&powers),
@@ -270,6 +274,24 @@ impl Scene {
         scene.effects = find_effects(&scene);
         Ok(scene)
     }
+}
+
+/// Balls around all that may cast a caustic.
+fn caster_balls(objects: &[Object], materials: &[Material], accel: &Accel) -> Vec<Ball> {
+    let casts = |object: &Object| {
+        let ambient = MediumId::AMBIENT;
+        // a solid of what is around it is not there
+        let is_ambient = |b| matches!(b, Boundary::Solid { medium, .. } if medium == ambient);
+        let is_there = object.sensor.is_none() && !(object.clear && is_ambient(object.boundary));
+        is_there && materials[object.material.0 as usize].casts()
+    };
+    let things = objects.iter().zip(accel.instances());
+    let balls = things.filter(|(object, _)| casts(object));
+    let ball = |instance: &Instance| match instance.shape {
+        Shape::Sphere => Ball::around_round(instance.bounds()),
+        _ => Ball::around(instance.bounds()),
+    };
+    balls.map(|(_, instance)| ball(instance)).collect()
 }
 
 /// A scene in the making, one method a phase.

@@ -17,6 +17,7 @@ use crate::camera::Camera;
 use crate::film::Filter;
 use crate::geometry::{Shape, Shutter, Transform};
 use crate::light::Light;
+use crate::light::casters::Casters;
 use crate::material::{Material, MaterialId};
 use crate::math::hash::combine;
 use crate::medium::{Boundary, Medium, MediumId};
@@ -87,6 +88,7 @@ impl SceneBuilder {
                 },
                 polarization: Polarization::Average,
                 sequences: None,
+                caster_share: Casters::SHARE,
                 ambient: MediumId::AMBIENT,
                 hash: 0,
             },
@@ -183,6 +185,12 @@ impl SceneBuilder {
     /// Polarization that smooth surfaces are computed for: unpolarized light unless told otherwise.
     pub fn polarization(&mut self, polarization: Polarization) {
         self.description.polarization = polarization;
+    }
+
+    /// Share of the light sub-paths that start toward smooth things, in [0, 1):
+    /// [`Casters::SHARE`] unless told otherwise.
+    pub fn caster_share(&mut self, share: f64) {
+        self.description.caster_share = share;
     }
 
     /// Holds all paths to sequences of surfaces, such as `L T("front") R("back") R("front")

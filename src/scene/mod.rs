@@ -29,6 +29,7 @@ use crate::camera::Camera;
 use crate::film::{Crop, Filter};
 use crate::geometry::contact::Region;
 use crate::geometry::{Accel, Contact, InstanceId, Shutter, SurfacePoint};
+use crate::light::casters::Casters;
 use crate::light::selection::LightSelection;
 use crate::light::{Light, LightId};
 use crate::material::{Material, MaterialId};
@@ -135,6 +136,8 @@ pub struct Scene {
     pub environments: Vec<LightId>,
     /// Choice of lights.
     pub selection: LightSelection,
+    /// Smooth things, toward which lights send more.
+    pub casters: Casters,
     /// Sensors.
     pub sensors: Vec<Sensor>,
     /// Distribution of wavelengths.

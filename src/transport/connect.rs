@@ -331,13 +331,19 @@ impl<'a> Joiner<'a> {
         raw
     }
 
-    /// Emission densities of x₀ and of the direction in which its light leaves.
-    fn emission(&self, id: LightId, x0: &EndPoint, direction: DVec3) -> (f64, DirectionalDensity) {
+    /// Emission densities of x₀ and of the direction in which its light leaves for x₁.
+    fn emission(
+        &self,
+        id: LightId,
+        x0: &EndPoint,
+        direction: DVec3,
+        x1: DVec3,
+    ) -> (f64, DirectionalDensity) {
+        let scene = self.context.scene;
         let (pdf_x0, pdf_direction) =
             self.light(id)
-                .emission_density(&self.context.scene.geometry, x0, direction);
-        let pf0 = self.context.scene.selection.probability(id) * pdf_x0;
-        (pf0, pdf_direction)
+                .emission_density(&scene.geometry, &scene.casters, x0, direction, x1);
+        (scene.selection.probability(id) * pdf_x0, pdf_direction)
     }
 
     /// Radiance that a point x₀ of an area light sends in unit direction `w`, where nothing in its

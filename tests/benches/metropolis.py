@@ -11,15 +11,17 @@ The first seed goes on to the time of --long. Errors are against a long render b
 not given. Printed is, for each method and time, the median of the log-RMSE over the seeds with the least and the largest, and the median
 CPU time; --plot draws them (matplotlib). Run by hand; nothing depends on how fast the machine is but where the points lie.
 
-The second form prints the mean Y of `pssmlt` at default settings over that of one render by `bdpt`, which takes as many CPU seconds as
-the longest of the others: at each time the mean over the seeds, with its standard error from their spread.
+The second form prints the mean Y of `pssmlt` at default settings over that of `bdpt`: as many renders by bdpt as there are seeds, each for
+the last of --times; every seed of pssmlt goes on to --long. The standard error is from the spread of both.
 """
 
 import argparse
 import csv
 import json
+import math
 import os
 import pathlib
+import shutil
 import statistics
 import subprocess
 import sys
@@ -101,23 +103,33 @@ class Bench:
         return points
 
 
+def mean_and_error(values):
+    """Mean and its standard error from the spread."""
+    error = statistics.stdev(values) / len(values) ** 0.5 if len(values) > 1 else math.nan
+    return statistics.mean(values), error
+
+
 def brightness(arguments, times, folder):
     """Prints mean Y of chains over that of independent samples, scene by scene."""
     times_and_long = times + ([arguments.long] if arguments.long else [])
+    unit = folder / "independent.exr"
     for name in arguments.brightness.split(","):
         bench = Bench(arguments, folder, scene_file(name))
-        bench.curve(["--integrator", "bdpt"], FIRST_SEED - 1, times_and_long[-1:], lambda: None)
-        reference = bench.image.rename(folder / "independent.exr")
+        unit.unlink(missing_ok=True)
+        independent = []
+        for seed in range(1, arguments.seeds + 1):
+            bench.curve(["--integrator", "bdpt"], seed, times[-1:], lambda: None)
+            if not unit.exists():
+                shutil.copy(bench.image, unit)
+            independent.append(bench.brightness(unit))
+        expected, expected_error = mean_and_error(independent)
         by_seed = []
         for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
-            beyond = times_and_long if seed == FIRST_SEED else times
-            by_seed.append(bench.curve(["--integrator", "pssmlt"], seed, beyond, lambda: bench.brightness(reference)))
-        for i in range(len(by_seed[0])):
-            at = [curve[i] for curve in by_seed if i < len(curve)]
-            ratios = [p[2] for p in at]
-            error = statistics.stdev(ratios) / len(at) ** 0.5 if len(at) > 1 else None
-            spread = f" +- {error:.4f}" if error is not None else ""
-            print(f"| {name} | {statistics.median(p[1] for p in at):.1f} s | {statistics.mean(ratios):.4f}{spread} |", flush=True)
+            by_seed.append(bench.curve(["--integrator", "pssmlt"], seed, times_and_long, lambda: bench.brightness(unit)))
+        for at in zip(*by_seed):
+            mean, error = mean_and_error([p[2] / expected for p in at])
+            both = math.hypot(error, expected_error / expected)
+            print(f"| {name} | {statistics.median(p[1] for p in at):.1f} s | {mean:.4f} +- {both:.4f} |", flush=True)
 
 
 def plot(curves, file):

@@ -4,12 +4,12 @@
     cargo build --release && cargo run --release --example bench_meshes
     python3 -m venv target/variance && target/variance/bin/pip install -r tests/colour/requirements.txt
     target/variance/bin/python tests/peers/variance.py --base PROGRAM [--scenes mesh,motion] [--spp 16,64] [--seeds 4]
-        [--modes off,auto] [--rows 150] [--variant NAME=OPTIONS]... [--work FOLDER] [--json FILE]
+        [--base-options OPTIONS] [--modes off,auto] [--rows 150] [--variant NAME=OPTIONS]... [--work FOLDER] [--json FILE]
     target/variance/bin/python tests/peers/variance.py --seconds 5,30 --seeds 16 --reference-spp 512 [--scenes ...] [--rows 75]
 
 The second form compares errors of `bdpt` and `path` after the same CPU seconds.
 
-PROGRAM is an older abbe to compare with (without it, this one under the balance heuristic is). Every variant renders every scene
+PROGRAM is an older abbe to compare with; without it, this one is, under the balance heuristic or with --base-options. Every variant renders every scene
 with the same seeds in turn, box filter, one thread. CPU time is the user time of the process less that of loading the scene, so
 other load on the machine matters little; of the seeds the least time counts. Figures are variances over the seeds, per pixel over (reference^2 + .01) of an image
 scaled to mean 1, times CPU seconds: of all pixels, of all but the worst .1 %, of the median pixel; and of the paths of direct and
@@ -147,6 +147,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--program", default=ROOT / "target" / "release" / "abbe")
     parser.add_argument("--base")
+    parser.add_argument("--base-options", default="", help="options of the base")
     parser.add_argument("--scenes", default=SCENES)
     parser.add_argument("--spp", default="16,64")
     parser.add_argument("--seeds", type=int, default=3)
@@ -160,7 +161,8 @@ def main():
     parser.add_argument("--references", type=int, default=4, help="seeds of the reference")
     args = parser.parse_args()
     args.work.mkdir(parents=True, exist_ok=True)
-    base = Variant("base", args.base, []) if args.base else Variant("base", args.program, ["--heuristic", "balance"])
+    balance = "" if args.base else "--heuristic balance"
+    base = Variant("base", args.base or args.program, (args.base_options or balance).split())
     variants = [base, Variant("path", args.program, ["--integrator", "path"]), Variant("this", args.program, [])]
     for text in args.variant:
         name, options = text.split("=", 1)

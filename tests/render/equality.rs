@@ -291,7 +291,7 @@ emission = 5
 "#
         ),
         batches: 16,
-        passes: [150, 300, 120],
+        passes: [150, 340, 120],
         classes: &["LDE", "LDDE"],
         specular_in_view: false,
         resolution: 1.5e-3,
@@ -344,7 +344,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [300, 300, 100],
+        passes: [300, 400, 100],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2e-3,

@@ -71,7 +71,15 @@ two_sided = true
 "#;
     let (scene, settings) = scene(text);
     let classes = ["LE", "LDE", "LS+E", "LS+DE", "LDS+E"];
-    let of = |integrator| measure(&scene, &with(&settings, integrator), 16, 96, &classes);
+    let of = |integrator| {
+        // half of the light goes to the glass
+        let passes = if integrator == IntegratorKind::Light {
+            192
+        } else {
+            96
+        };
+        measure(&scene, &with(&settings, integrator), 16, passes, &classes)
+    };
     let [path, light, bdpt] = INTEGRATORS.map(of);
     for other in [&light, &bdpt] {
         println!("path {:?}, other {:?}", path.y, other.y);

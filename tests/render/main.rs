@@ -12,6 +12,7 @@ mod gltf;
 mod aims;
 mod animated;
 mod cases;
+mod casters;
 mod closed_forms;
 mod contact;
 mod curved;

@@ -145,7 +145,7 @@ emission = 3
         resolution: 2.5e-3,
     };
     let found = run(&case);
-    agree_with_cones(&case, found, [14, 140, 14]);
+    agree_with_cones(&case, found, [14, 280, 14]);
 }
 
 #[test]

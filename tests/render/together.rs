@@ -14,7 +14,7 @@ const SCENE: &str = r#"
 [render]
 integrator = "light"
 max_depth = 5
-spp = 4
+spp = 5
 [[sensor]]
 name = "before"
 resolution = [16, 16]

@@ -257,7 +257,14 @@ impl<'a> Finished<'a> {
         let mut pf = vec![[0.0; MAX_LANES]; n];
         let mut pr = pf.clone();
 
-        let (position, direction) = light.emission_density(geometry, &self.x0, self.forward(0));
+        let casters = &self.scene.casters;
+        let (position, direction) = light.emission_density(
+            geometry,
+            casters,
+            &self.x0,
+            self.forward(0),
+            self.position(1),
+        );
         pf[0] = [chosen * position; MAX_LANES];
         let next = direction.area_density(self.cos(1, self.forward(0)), self.d2(0));
         pf[1] = [next * if n == 2 { self.hittable() } else { 1.0 }; MAX_LANES];

@@ -6,6 +6,7 @@ use super::reader::Reader;
 use super::sensor::FILTER_RADIUS;
 use super::sequence::SequenceChoice;
 use super::value::{At, Lanes, Length, number};
+use crate::light::casters::Casters;
 use crate::math::named::named;
 use crate::optics::Polarization;
 use crate::scene::description::{WavelengthChoice, WavelengthSettings};
@@ -23,6 +24,7 @@ const PROBABILITY: Range = Range::above(0.0, 1.0, "above 0, at most 1");
 const LIGHT_PATHS: Range = Range::above(0.0, 16.0, "above 0, at most 16");
 const MUTATIONS: Range = Range::closed(1.0, 1_000_000.0, "1 to 1000000");
 const UNIFORM: Range = Range::closed(0.01, 0.99, "0.01 to 0.99");
+const SHARE: Range = Range::closed(0.0, 0.9, "0 to 0.9");
 const WAVELENGTH: Range = Range::closed(100.0, 20_000.0, "100 to 20000 nm");
 const CONE: Range = Range::closed(1e-9, FRAC_PI_2, "1e-9 to pi/2 radians, or \"auto\"");
 const LEAST_CONE: Range = Range::closed(0.0, FRAC_PI_2, "0 to pi/2 radians");
@@ -266,6 +268,8 @@ keys! {
         pair_probability: OrAuto<false>, in PROBABILITY, default OrAuto(None);
         /// Light sub-paths per camera sub-path, without merging; a fraction is a probability.
         light_paths: OrAuto<false>, in LIGHT_PATHS, default OrAuto(None);
+        /// Share of the light sub-paths that start toward mirrors and glass.
+        caster_share: f64, in SHARE, default Casters::SHARE;
         /// Whether mirrors and smooth glass are connectible within a small cone.
         regularize: Regularize, default Regularization::default().mode;
         /// Which chains of mirrors and smooth glass are solved for.
@@ -322,6 +326,8 @@ pub struct Rendering {
     pub polarization: Polarization,
     /// Sequences of surfaces that all paths are held to.
     pub sequences: Option<At<SequenceChoice>>,
+    /// Share of the light sub-paths that start toward smooth things.
+    pub caster_share: f64,
 }
 
 impl Default for Rendering {
@@ -332,6 +338,7 @@ impl Default for Rendering {
             wavelengths: WavelengthName::Scene.over(VISIBLE_NM),
             polarization: Polarization::Average,
             sequences: None,
+            caster_share: Casters::SHARE,
         }
     }
 }
@@ -400,6 +407,7 @@ impl Build for RenderKeys {
             wavelengths,
             polarization: self.fresnel,
             sequences: self.sequences,
+            caster_share: self.caster_share,
         })
     }
 }

@@ -166,6 +166,7 @@ impl SceneKeys {
             wavelengths: rendering.wavelengths,
             polarization: rendering.polarization,
             sequences: None,
+            caster_share: rendering.caster_share,
             ambient: MediumId::AMBIENT,
             hash: file_hashes.fold(hash_of_text, |hash, &file| combine(hash, file)),
         };

@@ -229,14 +229,12 @@ impl<'a> Joiner<'a> {
         if !trail::is_aimed_at(&light.kind) {
             return None;
         }
-        // x₀ is a point, or a direction where it is infinitely far away
         let u_x0 = DVec2::new(u[1], u[2]);
-        let sample =
-            light.sample_emission(&scene.geometry, &self.context.wavelengths, u0, u_x0, u_x0)?;
+        let (x0, pdf_x0) = light.sample_start(&scene.geometry, u0, u_x0)?;
         Some(Start {
             id,
-            x0: sample.x0,
-            pdf: probability * sample.pdf_x0,
+            x0,
+            pdf: probability * pdf_x0,
             stack: *scene.light_stack(id),
         })
     }

@@ -121,7 +121,7 @@ impl Joiner<'_> {
                 (camera.origin.p, camera.origin.cos(leaving), hittable)
             }
         };
-        let (pf0, direction) = self.emission(id, x0, leaving);
+        let (pf0, direction) = self.emission(id, x0, leaving, x1);
         let pf1 = direction.area_density(cos, arrival.distance * arrival.distance);
         let direct = if t == 2 && !self.strategies.hittable_sensor {
             // strategy (1, 1) of an image camera splats starts on area lights only
@@ -196,7 +196,7 @@ impl Joiner<'_> {
     /// s = 1: joins the drawn point of a light to the end `camera`.
     fn join_light(&mut self, drawn: &DirectLight, camera: &End) {
         let DirectSample { x0, toward, .. } = drawn.sample;
-        let (pf0, direction) = self.emission(drawn.id, &x0, -toward);
+        let (pf0, direction) = self.emission(drawn.id, &x0, -toward, camera.point.p);
         let start = EndStart::new(pf0, Departure::Start(direction));
         let receiver = Receiver::of_light(self.light(drawn.id), &x0, toward);
         let light = End {

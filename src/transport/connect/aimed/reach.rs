@@ -148,7 +148,7 @@ impl Joiner<'_> {
                     return None;
                 }
                 let cos = if x0.infinite { 1.0 } else { x0.cos(w) };
-                let (_, direction) = self.emission(id, &x0, w);
+                let (_, direction) = self.emission(id, &x0, w, p);
                 Some(Reached {
                     weight: Throughput::splat(cos / pdf).times(&value),
                     across: Departure::Start(direction),

@@ -1,0 +1,171 @@
+//! Starts of light sub-paths: as each kind of light sends them, mixed with those toward casters.
+
+use super::casters::{Casters, Choice};
+use super::directional::DirectionalLight;
+use super::environment::EnvironmentLight;
+use super::point::PointLight;
+use super::{EmissionSample, Light, LightKind};
+use crate::geometry::{AccelAt, DirectionalDensity, EndPoint};
+use crate::spectrum::SampledWavelengths;
+use glam::{DVec2, DVec3};
+
+impl Light {
+    /// Starts a light sub-path. `u_face` picks a face or triangle, `u_pos` the position, `u_dir`
+    /// the direction. `None` where there is no light to start from; of no weight where nothing
+    /// leaves in the direction drawn.
+    #[must_use]
+    pub fn sample_emission(
+        &self,
+        geometry: &AccelAt,
+        casters: &Casters,
+        wavelengths: &SampledWavelengths,
+        u_face: f64,
+        u_pos: DVec2,
+        u_dir: DVec2,
+    ) -> Option<EmissionSample> {
+        let mut sample = self.start(geometry, casters, u_face, u_pos, u_dir)?;
+        sample.weight *= self.emission.sample(wavelengths);
+        if let Some(pattern) = self.pattern_at(geometry, &sample.x0, wavelengths) {
+            sample.weight *= pattern;
+        }
+        Some(sample)
+    }
+
+    /// x₀ alone, as a sub-path starts from it, and its density.
+    #[must_use]
+    pub fn sample_start(
+        &self,
+        geometry: &AccelAt,
+        u_face: f64,
+        u_x0: DVec2,
+    ) -> Option<(EndPoint, f64)> {
+        // a point, or a direction where it is infinitely far away
+        let sample = self.own_start(geometry, u_face, u_x0, u_x0)?;
+        Some((sample.x0, sample.pdf_x0))
+    }
+
+    /// [`Light::sample_emission`] for unit emission.
+    pub(super) fn start(
+        &self,
+        geometry: &AccelAt,
+        casters: &Casters,
+        u_face: f64,
+        u_pos: DVec2,
+        u_dir: DVec2,
+    ) -> Option<EmissionSample> {
+        let sample = self.own_start(geometry, u_face, u_pos, u_dir)?;
+        let Some(reach) = self.reach(geometry).filter(|_| casters.count() > 0) else {
+            return Some(sample);
+        };
+        let targets = casters.seen(&self.kind, &sample.x0, reach);
+        if targets.is_empty() {
+            return Some(sample);
+        }
+        let is_parallel = sample.x0.infinite;
+        let u = if is_parallel { u_pos } else { u_dir };
+        let mut sample = match targets.choose(geometry, sample.direction, u) {
+            Choice::Own(x) => {
+                let u = DVec2::new(x, u.y);
+                let (u_pos, u_dir) = if is_parallel { (u, u_dir) } else { (u_pos, u) };
+                self.own_start(geometry, u_face, u_pos, u_dir)?
+            }
+            Choice::Toward(direction) => EmissionSample {
+                direction,
+                ..sample
+            },
+            Choice::Through(origin) => EmissionSample { origin, ..sample },
+        };
+        let (x0, w) = (&sample.x0, sample.direction);
+        let (_, own) = self.own_density(geometry, x0, w);
+        let mixed = targets.density(own, w, || sample.origin);
+        // each kind is sampled in proportion to what it sends: nothing where a target is out of its
+        // reach, but x₀ is a point of the light all the same
+        sample.weight *= (own.value() / mixed.value()) as f32;
+        sample.pdf_direction = mixed;
+        Some(sample)
+    }
+
+    /// Flux per unit of its emission and of the measure of x₀: what it sends light over, in
+    /// steradians, or for light from infinity in square meters. `None` for beams, which go one way.
+    fn reach(&self, geometry: &AccelAt) -> Option<f64> {
+        match &self.kind {
+            LightKind::Area(light) => Some(light.reach()),
+            LightKind::Point(_) => Some(PointLight::FLUX_FACTOR),
+            LightKind::Spot(light) => Some(light.flux_factor()),
+            LightKind::Directional(_) | LightKind::Environment(_) => {
+                Some(DirectionalLight::flux_factor(geometry))
+            }
+            LightKind::Beam(_) => None,
+        }
+    }
+
+    /// `start` without casters.
+    fn own_start(
+        &self,
+        geometry: &AccelAt,
+        u_face: f64,
+        u_pos: DVec2,
+        u_dir: DVec2,
+    ) -> Option<EmissionSample> {
+        let place = self.placement(geometry);
+        match &self.kind {
+            LightKind::Area(light) => light.sample_emission(geometry, u_face, u_pos, u_dir),
+            LightKind::Point(_) => Some(PointLight::sample_emission(&place, u_dir)),
+            LightKind::Spot(light) => light.sample_emission(&place, u_dir),
+            LightKind::Directional(_) => DirectionalLight::sample_emission(geometry, &place, u_pos),
+            LightKind::Beam(light) => Some(light.sample_emission(&place, u_pos)),
+            LightKind::Environment(light) => {
+                let turn = self.turn(geometry);
+                light.sample_emission(geometry, turn.as_deref(), u_face, u_pos, u_dir)
+            }
+        }
+    }
+
+    /// Density of `x0` (as `EmissionSample::pdf_x0`) and of leaving it in `direction` (unit, away
+    /// from the light) along the line to `x1`.
+    #[must_use]
+    pub fn emission_density(
+        &self,
+        geometry: &AccelAt,
+        casters: &Casters,
+        x0: &EndPoint,
+        direction: DVec3,
+        x1: DVec3,
+    ) -> (f64, DirectionalDensity) {
+        let (pdf_x0, own) = self.own_density(geometry, x0, direction);
+        match self.reach(geometry).filter(|_| casters.count() > 0) {
+            Some(reach) => {
+                let targets = casters.seen(&self.kind, x0, reach);
+                (pdf_x0, targets.density(own, direction, || x1))
+            }
+            None => (pdf_x0, own),
+        }
+    }
+
+    /// `emission_density` without casters.
+    fn own_density(
+        &self,
+        geometry: &AccelAt,
+        x0: &EndPoint,
+        direction: DVec3,
+    ) -> (f64, DirectionalDensity) {
+        use DirectionalDensity::{Perpendicular, SolidAngle};
+        match &self.kind {
+            LightKind::Area(light) => light.emission_density(geometry, x0, direction),
+            LightKind::Point(_) => (1.0, SolidAngle(PointLight::DIRECTION_PDF)),
+            LightKind::Spot(light) => (
+                1.0,
+                SolidAngle(light.direction_density(&self.placement(geometry), direction)),
+            ),
+            LightKind::Directional(_) => (
+                1.0,
+                Perpendicular(1.0 / DirectionalLight::flux_factor(geometry)),
+            ),
+            LightKind::Beam(light) => (1.0, light.density(&self.placement(geometry), x0.p)),
+            LightKind::Environment(light) => (
+                light.direction_pdf(self.turn(geometry).as_deref(), direction),
+                EnvironmentLight::disk_density(geometry),
+            ),
+        }
+    }
+}
