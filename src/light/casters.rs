@@ -1,13 +1,12 @@
 //! Casters of caustics: the smooth things of a scene, toward which lights send more of their
 //! sub-paths.
 //!
-//! Light that a small glass focuses onto a table is found by light sub-paths that meet the glass, and
-//! of those of a lamp above hardly any do. So a share of them starts toward balls around the smooth
-//! things (Jensen's projection maps, 1996, by shape instead of by cells). The density of a direction
-//! is that of the mixture, whoever asks for it, so that weights know what is sent where. [theory
-//! (2.12)]
+//! Light that a small glass focuses onto a table is found by light sub-paths that meet the glass,
+//! and of those of a lamp above hardly any do. So a share of them starts toward balls around the
+//! smooth things (Jensen's projection maps, 1996, by shape instead of by cells). The density of a
+//! direction is that of the mixture, whoever asks for it, so that weights know what is sent where.
+//! [theory (2.12)]
 
-use super::LightKind;
 use crate::geometry::{AccelAt, DirectionalDensity, EndPoint};
 use crate::math::{frame::Frame, sampling};
 use arrayvec::ArrayVec;
@@ -106,18 +105,17 @@ impl Casters {
         self.share
     }
 
-    /// Those that light can be aimed at from `x0`; `reach` is what it is sent over, in steradians,
-    /// or for light from infinity in square meters.
-    pub(super) fn seen(&self, kind: &LightKind, x0: &EndPoint, reach: f64) -> Targets {
+    /// Those that light of this reach can be aimed at from `x0`.
+    pub(super) fn seen(&self, x0: &EndPoint, reach: &Reach) -> Targets {
         let mut all = ArrayVec::new();
         for ball in &self.balls {
             let target = if x0.infinite {
                 let (center, radius) = (ball.center, ball.radius);
                 Some(Target::Disk { center, radius })
             } else {
-                cone(kind, x0, ball)
+                cone(x0.p, reach, ball)
             };
-            let worth = |t: &Target| t.extent() > 0.0 && t.extent() <= LARGEST * reach;
+            let worth = |t: &Target| t.extent() > 0.0 && t.extent() <= LARGEST * reach.extent;
             all.extend(target.filter(worth));
         }
         Targets {
@@ -166,17 +164,34 @@ fn merge_near(balls: &mut Vec<Ball>) {
     }
 }
 
-/// The cone from `x0` around a ball; `None` from inside, and where no light goes there.
-fn cone(kind: &LightKind, x0: &EndPoint, ball: &Ball) -> Option<Target> {
-    let v = ball.center - x0.p;
-    let distance = v.length();
-    if distance <= ball.radius {
-        return None;
+/// What a light sends light over from one start.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach {
+    /// Flux per unit of its emission and of the measure of x₀: steradians, or for light from
+    /// infinity square meters.
+    pub extent: f64,
+    /// Axis of the cone outside of which it sends nothing, and the cosine of its half-angle, at
+    /// most a right one; `None`: it sends everywhere.
+    pub cone: Option<(DVec3, f64)>,
+}
+
+impl Reach {
+    /// Whether a ball is outside of the cone, with its apex at the start.
+    fn misses(&self, ball: &Ball, v: DVec3) -> bool {
+        self.cone.is_some_and(|(axis, cos)| {
+            let along = v.dot(axis);
+            let across = (v - along * axis).length();
+            let sin = (1.0 - cos * cos).max(0.0).sqrt();
+            across * cos - along * sin >= ball.radius
+        })
     }
-    if let LightKind::Area(light) = kind
-        && !light.two_sided
-        && v.dot(x0.n) <= -ball.radius
-    {
+}
+
+/// The cone from `p` around a ball; `None` from inside, and where no light goes there.
+fn cone(p: DVec3, reach: &Reach, ball: &Ball) -> Option<Target> {
+    let v = ball.center - p;
+    let distance = v.length();
+    if distance <= ball.radius || reach.misses(ball, v) {
         return None;
     }
     let sin = ball.radius / distance;
@@ -271,16 +286,7 @@ impl Targets {
 
     /// The density of the line through `p` in unit direction `w`, of which the light itself has
     /// `own`.
-    pub fn density(
-        &self,
-        own: DirectionalDensity,
-        w: DVec3,
-        p: impl FnOnce() -> DVec3,
-    ) -> DirectionalDensity {
-        if self.is_empty() {
-            return own;
-        }
-        let p = p();
+    pub fn density(&self, own: DirectionalDensity, w: DVec3, p: DVec3) -> DirectionalDensity {
         let toward = |t: &Target| if t.holds(w, p) { 1.0 / t.extent() } else { 0.0 };
         let mean = self.all.iter().map(toward).sum::<f64>() / self.all.len() as f64;
         own.map(|own| (1.0 - self.share) * own + self.share * mean)
@@ -290,8 +296,6 @@ impl Targets {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::area::AreaLight;
-    use crate::light::point::PointLight;
 
     fn around(center: DVec3, radius: f64) -> Ball {
         Ball { center, radius }
@@ -346,35 +350,33 @@ mod tests {
     fn light_is_aimed_at_what_it_can_be_aimed_at() {
         let (above, below) = (around(DVec3::Z, 0.1), around(DVec3::NEG_Z, 0.1));
         let (inside, large) = (around(DVec3::ZERO, 0.1), around(DVec3::Z * 3.0, 2.8));
-        let seen = |kind: &LightKind, balls: &[Ball], x0, reach| {
+        let seen = |balls: &[Ball], x0, extent, cone| {
+            let reach = Reach { extent, cone };
             Casters::new(0.5, balls.to_vec())
-                .seen(kind, &x0, reach)
+                .seen(&x0, &reach)
                 .all
                 .len()
         };
-        let point = LightKind::Point(PointLight);
         let origin = EndPoint::at(DVec3::ZERO);
-        assert_eq!(seen(&point, &[above, below], origin, 4.0 * PI), 2);
-        assert_eq!(seen(&point, &[inside], origin, 4.0 * PI), 0);
-        // nearly all of the hemisphere, half of the sphere
-        assert_eq!(seen(&point, &[large], origin, 4.0 * PI), 1);
-        assert_eq!(seen(&point, &[large], origin, PI), 0);
-        let area = |two_sided| {
-            LightKind::Area(AreaLight {
-                instance: crate::geometry::InstanceId(0),
-                pattern: None,
-                sampler: Default::default(),
-                two_sided,
-            })
+        assert_eq!(seen(&[above, below], origin, 4.0 * PI, None), 2);
+        assert_eq!(seen(&[inside], origin, 4.0 * PI, None), 0);
+        // a third of the sphere
+        assert_eq!(seen(&[large], origin, 4.0 * PI, None), 1);
+        assert_eq!(seen(&[large], origin, PI, None), 0);
+        // to one side, and into a cone of 30 degrees
+        assert_eq!(seen(&[above, below], origin, PI, Some((DVec3::Z, 0.0))), 1);
+        let beside = |degrees: f64| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            around(DVec3::new(sin, 0.0, cos), 0.1)
         };
-        let face = EndPoint {
-            n: DVec3::Z,
-            ..origin
-        };
-        assert_eq!(seen(&area(false), &[above, below], face, PI), 1);
-        assert_eq!(seen(&area(true), &[above, below], face, 2.0 * PI), 2);
+        let narrow = Some((DVec3::Z, 0.75_f64.sqrt()));
+        // the ball has 5.7 degrees
+        for (degrees, expected) in [(0.0, 1), (35.0, 1), (36.0, 0), (180.0, 0)] {
+            let found = seen(&[beside(degrees)], origin, PI, narrow);
+            assert_eq!(found, expected, "{degrees}");
+        }
         let sun = EndPoint::toward_infinity(DVec3::Z);
-        assert_eq!(seen(&point, &[above, inside], sun, 1.0), 2);
-        assert_eq!(seen(&point, &[above, inside], sun, 0.05), 0);
+        assert_eq!(seen(&[above, inside], sun, 1.0, None), 2);
+        assert_eq!(seen(&[above, inside], sun, 0.05, None), 0);
     }
 }

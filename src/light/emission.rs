@@ -1,10 +1,10 @@
 //! Starts of light sub-paths: as each kind of light sends them, mixed with those toward casters.
 
-use super::casters::{Casters, Choice};
+use super::casters::{Casters, Choice, Reach, Targets};
 use super::directional::DirectionalLight;
 use super::environment::EnvironmentLight;
 use super::point::PointLight;
-use super::{EmissionSample, Light, LightKind};
+use super::{EmissionSample, Light, LightKind, placed_axis};
 use crate::geometry::{AccelAt, DirectionalDensity, EndPoint};
 use crate::spectrum::SampledWavelengths;
 use glam::{DVec2, DVec3};
@@ -54,13 +54,9 @@ impl Light {
         u_dir: DVec2,
     ) -> Option<EmissionSample> {
         let sample = self.own_start(geometry, u_face, u_pos, u_dir)?;
-        let Some(reach) = self.reach(geometry).filter(|_| casters.count() > 0) else {
+        let Some(targets) = self.targets(geometry, casters, &sample.x0) else {
             return Some(sample);
         };
-        let targets = casters.seen(&self.kind, &sample.x0, reach);
-        if targets.is_empty() {
-            return Some(sample);
-        }
         let is_parallel = sample.x0.infinite;
         let u = if is_parallel { u_pos } else { u_dir };
         let mut sample = match targets.choose(geometry, sample.direction, u) {
@@ -77,7 +73,7 @@ impl Light {
         };
         let (x0, w) = (&sample.x0, sample.direction);
         let (_, own) = self.own_density(geometry, x0, w);
-        let mixed = targets.density(own, w, || sample.origin);
+        let mixed = targets.density(own, w, sample.origin);
         // each kind is sampled in proportion to what it sends: nothing where a target is out of its
         // reach, but x₀ is a point of the light all the same
         sample.weight *= (own.value() / mixed.value()) as f32;
@@ -85,18 +81,30 @@ impl Light {
         Some(sample)
     }
 
-    /// Flux per unit of its emission and of the measure of x₀: what it sends light over, in
-    /// steradians, or for light from infinity in square meters. `None` for beams, which go one way.
-    fn reach(&self, geometry: &AccelAt) -> Option<f64> {
-        match &self.kind {
-            LightKind::Area(light) => Some(light.reach()),
-            LightKind::Point(_) => Some(PointLight::FLUX_FACTOR),
-            LightKind::Spot(light) => Some(light.flux_factor()),
-            LightKind::Directional(_) | LightKind::Environment(_) => {
-                Some(DirectionalLight::flux_factor(geometry))
+    /// What it sends light over from `x0`; `None` for beams, which go one way.
+    fn reach(&self, geometry: &AccelAt, x0: &EndPoint) -> Option<Reach> {
+        let (extent, cone) = match &self.kind {
+            LightKind::Area(light) => (light.reach(), (!light.two_sided).then_some((x0.n, 0.0))),
+            LightKind::Point(_) => (PointLight::FLUX_FACTOR, None),
+            LightKind::Spot(light) => {
+                let axis = placed_axis(&self.placement(geometry));
+                (light.flux_factor(), light.cone_cos().map(|cos| (axis, cos)))
             }
-            LightKind::Beam(_) => None,
+            LightKind::Directional(_) | LightKind::Environment(_) => {
+                (DirectionalLight::flux_factor(geometry), None)
+            }
+            LightKind::Beam(_) => return None,
+        };
+        Some(Reach { extent, cone })
+    }
+
+    /// Casters that it can be aimed at from `x0`.
+    fn targets(&self, geometry: &AccelAt, casters: &Casters, x0: &EndPoint) -> Option<Targets> {
+        if casters.count() == 0 {
+            return None;
         }
+        let targets = casters.seen(x0, &self.reach(geometry, x0)?);
+        (!targets.is_empty()).then_some(targets)
     }
 
     /// `start` without casters.
@@ -133,11 +141,8 @@ impl Light {
         x1: DVec3,
     ) -> (f64, DirectionalDensity) {
         let (pdf_x0, own) = self.own_density(geometry, x0, direction);
-        match self.reach(geometry).filter(|_| casters.count() > 0) {
-            Some(reach) => {
-                let targets = casters.seen(&self.kind, x0, reach);
-                (pdf_x0, targets.density(own, direction, || x1))
-            }
+        match self.targets(geometry, casters, x0) {
+            Some(targets) => (pdf_x0, targets.density(own, direction, x1)),
             None => (pdf_x0, own),
         }
     }

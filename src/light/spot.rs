@@ -88,6 +88,12 @@ impl SpotLight {
         versine(self.cone_rad) - versine(self.falloff_start_rad)
     }
 
+    /// Cosine of the half-angle beyond which it sends nothing; `None` where that is more than a
+    /// right one.
+    pub(super) fn cone_cos(&self) -> Option<f64> {
+        Some(1.0 - versine(self.cone_rad)).filter(|cos| *cos >= 0.0)
+    }
+
     /// Flux per unit intensity: the integral of the falloff over directions.
     #[must_use]
     pub fn flux_factor(&self) -> f64 {

@@ -154,6 +154,7 @@ fn page_and_tables_hold_the_same_numbers() {
         "no-dispersion",
         "no-motion",
         "no-regularization",
+        "no-casters",
         "half-depth",
         "lanes-1",
         "lanes-8",

@@ -14,7 +14,7 @@ const SCENE: &str = r#"
 [render]
 integrator = "light"
 max_depth = 5
-spp = 5
+spp = 4
 [[sensor]]
 name = "before"
 resolution = [16, 16]
@@ -86,7 +86,7 @@ fn flux(session: &Session) -> Vec<f64> {
 #[test]
 fn companions_get_the_light_of_their_own_renders() {
     let (scene, settings) = scene(SCENE);
-    const BATCHES: u64 = 24;
+    const BATCHES: u64 = 32;
     let batches = |integrator, sensor: usize, companions: &[usize]| -> Vec<Estimate> {
         let of_seed = |seed| {
             let settings = Settings {

@@ -302,6 +302,11 @@ impl<'a> Base<'a> {
             effects.push(Variant::new("no-aims", label, group, &keys));
         }
         let method = self.loaded.settings.integrator;
+        if method != IntegratorKind::Path && self.loaded.scene.casters.count() > 0 {
+            let keys = [("caster_share", "0")];
+            let label = "without light sent toward mirrors and glass";
+            effects.push(Variant::new("no-casters", label, group, &keys));
+        }
         let merging = if method.merges() {
             Some(("no-merging", IntegratorKind::Bdpt, "without merging (bdpt)"))
         } else if method == IntegratorKind::Bdpt {
