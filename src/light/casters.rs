@@ -164,7 +164,7 @@ fn merge_near(balls: &mut Vec<Ball>) {
     }
 }
 
-/// What a light sends light over from one start.
+/// Directions, or lines, over which a light sends what it does from one start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach {
     /// Flux per unit of its emission and of the measure of x₀: steradians, or for light from

@@ -81,7 +81,7 @@ impl Light {
         Some(sample)
     }
 
-    /// What it sends light over from `x0`; `None` for beams, which go one way.
+    /// Directions over which it sends light from `x0`; `None` for beams, which go one way.
     fn reach(&self, geometry: &AccelAt, x0: &EndPoint) -> Option<Reach> {
         let (extent, cone) = match &self.kind {
             LightKind::Area(light) => (light.reach(), (!light.two_sided).then_some((x0.n, 0.0))),
