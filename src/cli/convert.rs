@@ -7,6 +7,7 @@ use crate::io::convert::scene_text;
 use crate::io::destination::Claims;
 use crate::io::model::Staging;
 use crate::io::model_file::{self, ModelKind};
+use crate::report::readable::counted;
 use std::io::Write as _;
 use std::path::Path;
 
@@ -30,11 +31,11 @@ pub fn run(options: &ConvertOptions) -> Result<Outcome, CliError> {
     write_atomic(&options.output, |file| file.write_all(text.as_bytes()))?;
     if !options.quiet {
         print(&format!(
-            "{}: {} objects, {} cameras, {} lights of {name}\n",
+            "{}: {}, {}, {} of {name}\n",
             options.output.display(),
-            read.objects.len(),
-            read.cameras.len(),
-            read.lights.len()
+            counted(read.objects.len() as u64, "object", "objects"),
+            counted(read.cameras.len() as u64, "camera", "cameras"),
+            counted(read.lights.len() as u64, "light", "lights")
         ))?;
     }
     Ok(Outcome::Done)
