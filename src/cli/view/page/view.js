@@ -78,17 +78,26 @@ function showStatus() {
   $("snap").disabled = !saves;
 }
 
+// a restarted render may lack a layer for a moment: what was chosen comes back with its name
+const wanted = new Map();
+document.addEventListener("change", (event) => wanted.delete(event.target));
+
 function fill(select, names, keep) {
   const old = [...select.options].slice(keep).map((o) => o.value);
   if (old.join() === names.join()) return;
-  const chosen = select.value;
+  const chosen = wanted.get(select) ?? select.value;
   while (select.options.length > keep) select.remove(keep);
   for (const name of names) {
     const option = document.createElement("option");
     option.value = option.textContent = name;
     select.append(option);
   }
-  if ([...select.options].some((o) => o.value === chosen)) select.value = chosen;
+  if ([...select.options].some((o) => o.value === chosen)) {
+    select.value = chosen;
+    wanted.delete(select);
+  } else {
+    wanted.set(select, chosen);
+  }
 }
 
 let version = null;
