@@ -527,6 +527,7 @@ pub(super) fn start_light(
     }
     let weight: SampledSpectrum = emission.weight;
     if weight.is_black(context.count()) {
+        // x₀ is joined all the same
         return true;
     }
     walk(

@@ -1,11 +1,11 @@
-//! Casters of caustics: the smooth things of a scene, toward which lights send more of their
-//! sub-paths.
+//! Casters of caustics: the mirrors and glass of a scene, smooth or nearly so, toward which lights
+//! send more of their sub-paths.
 //!
 //! Light that a small glass focuses onto a table is found by light sub-paths that meet the glass,
-//! and of those of a lamp above hardly any do. So a share of them starts toward balls around the
-//! smooth things (Jensen's projection maps, 1996, by shape instead of by cells). The density of a
-//! direction is that of the mixture, whoever asks for it, so that weights know what is sent where.
-//! [theory (2.12)]
+//! and of those of a lamp above hardly any do. So a share of the sub-paths starts toward balls
+//! around these things (Jensen's projection maps, 1996, by shape instead of by cells). The density
+//! of a direction is that of the mixture, whoever asks for it, so that weights know what is sent
+//! where. [theory (2.12)]
 
 use crate::geometry::{AccelAt, DirectionalDensity, EndPoint};
 use crate::math::{frame::Frame, sampling};
@@ -20,8 +20,8 @@ const NEAR: f64 = 1.25;
 /// Largest part of what a light sends that a ball may take up, for it to be worth aiming at.
 const LARGEST: f64 = 0.5;
 
-/// A ball around smooth things, over the whole shutter. A tight one is worth more than one that
-/// holds every last bit of them.
+/// A ball around casters, over the whole shutter. A tight one is worth more than one that holds
+/// every last bit of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ball {
     center: DVec3,
@@ -77,9 +77,11 @@ pub struct Casters {
 impl Casters {
     /// Share of the light sub-paths that start toward casters, unless told otherwise.
     pub const SHARE: f64 = 0.5;
+    /// Largest share: of all else a tenth of the light sub-paths is left.
+    pub const LARGEST_SHARE: f64 = 0.9;
 
-    /// Of things in these balls; `share` in [0, 1) of what a light sends goes toward those that it
-    /// can be aimed at.
+    /// Of things in these balls; a `share` of 0 to [`Self::LARGEST_SHARE`] of what a light sends
+    /// goes toward those that it can be aimed at.
     #[must_use]
     pub fn new(share: f64, mut balls: Vec<Ball>) -> Self {
         let mut groups = vec![];
@@ -105,8 +107,9 @@ impl Casters {
         self.share
     }
 
-    /// Those that light of this reach can be aimed at from `x0`.
-    pub(super) fn seen(&self, x0: &EndPoint, reach: &Reach) -> Targets {
+    /// Those that light of this reach can be aimed at from `x0`; `None` where there are none.
+    pub(super) fn seen(&self, x0: &EndPoint, reach: &Reach) -> Option<Targets> {
+        let share = self.share;
         let mut all = ArrayVec::new();
         for ball in &self.balls {
             let target = if x0.infinite {
@@ -118,10 +121,7 @@ impl Casters {
             let worth = |t: &Target| t.extent() > 0.0 && t.extent() <= LARGEST * reach.extent;
             all.extend(target.filter(worth));
         }
-        Targets {
-            share: if all.is_empty() { 0.0 } else { self.share },
-            all,
-        }
+        (!all.is_empty()).then_some(Targets { share, all })
     }
 }
 
@@ -221,11 +221,10 @@ impl Target {
     /// Whether it holds the line through `p` in unit direction `w`.
     fn holds(&self, w: DVec3, p: DVec3) -> bool {
         match *self {
-            // |a − b|²/2 = 1 − cos for unit vectors, exact for narrow cones
             Self::Cone {
                 axis,
                 one_minus_cos,
-            } => 0.5 * (w - axis).length_squared() <= one_minus_cos,
+            } => sampling::one_minus_cos(w, axis) <= one_minus_cos,
             Self::Disk { center, radius } => {
                 (p - center).reject_from_normalized(w).length_squared() <= radius * radius
             }
@@ -244,7 +243,7 @@ pub(super) enum Choice {
     Through(DVec3),
 }
 
-/// The casters that light from one start is aimed at.
+/// The casters that light from one start is aimed at: at least one.
 #[derive(Clone, Debug)]
 pub(super) struct Targets {
     share: f64,
@@ -252,11 +251,6 @@ pub(super) struct Targets {
 }
 
 impl Targets {
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.all.is_empty()
-    }
-
     /// Chooses by `u`; `direction` is that of light from infinity.
     pub fn choose(&self, geometry: &AccelAt, direction: DVec3, u: DVec2) -> Choice {
         if u.x >= self.share {
@@ -352,10 +346,8 @@ mod tests {
         let (inside, large) = (around(DVec3::ZERO, 0.1), around(DVec3::Z * 3.0, 2.8));
         let seen = |balls: &[Ball], x0, extent, cone| {
             let reach = Reach { extent, cone };
-            Casters::new(0.5, balls.to_vec())
-                .seen(&x0, &reach)
-                .all
-                .len()
+            let found = Casters::new(0.5, balls.to_vec()).seen(&x0, &reach);
+            found.map_or(0, |targets| targets.all.len())
         };
         let origin = EndPoint::at(DVec3::ZERO);
         assert_eq!(seen(&[above, below], origin, 4.0 * PI, None), 2);

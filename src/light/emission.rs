@@ -67,17 +67,20 @@ impl Light {
             }
             Choice::Toward(direction) => EmissionSample {
                 direction,
+                pdf_direction: self.own_density(geometry, &sample.x0, direction).1,
                 ..sample
             },
             Choice::Through(origin) => EmissionSample { origin, ..sample },
         };
-        let (x0, w) = (&sample.x0, sample.direction);
-        let (_, own) = self.own_density(geometry, x0, w);
-        let mixed = targets.density(own, w, sample.origin);
+        let own = sample.pdf_direction;
+        sample.pdf_direction = targets.density(own, sample.direction, sample.origin);
         // each kind is sampled in proportion to what it sends: nothing where a target is out of its
         // reach, but x₀ is a point of the light all the same
-        sample.weight *= (own.value() / mixed.value()) as f32;
-        sample.pdf_direction = mixed;
+        sample.weight *= if own.value() > 0.0 {
+            (own.value() / sample.pdf_direction.value()) as f32
+        } else {
+            0.0
+        };
         Some(sample)
     }
 
@@ -103,8 +106,7 @@ impl Light {
         if casters.count() == 0 {
             return None;
         }
-        let targets = casters.seen(x0, &self.reach(geometry, x0)?);
-        (!targets.is_empty()).then_some(targets)
+        casters.seen(x0, &self.reach(geometry, x0)?)
     }
 
     /// `start` without casters.

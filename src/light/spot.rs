@@ -8,6 +8,7 @@ use super::{DirectSample, EmissionSample, factor, placed_axis, unit_from_to};
 use crate::geometry::{DirectionalDensity, EndPoint, Placement};
 use crate::math::angle::sin_cos_turns;
 use crate::math::frame::Frame;
+use crate::math::sampling::one_minus_cos;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
@@ -110,8 +111,7 @@ impl SpotLight {
     }
 
     fn falloff_along(&self, place: &Placement, direction: DVec3) -> f64 {
-        // |a − b|²/2 = 1 − cos for unit vectors, exact for narrow cones
-        self.falloff(0.5 * (direction - placed_axis(place)).length_squared())
+        self.falloff(one_minus_cos(direction, placed_axis(place)))
     }
 
     /// Density per solid angle of the emitted direction.

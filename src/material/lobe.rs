@@ -289,27 +289,25 @@ impl LobeSpec {
     }
 
     pub(super) fn is_specular(&self) -> bool {
-        match self {
-            Self::Diffuse { .. } | Self::CoatedDiffuse { .. } => false,
-            Self::Mirror { .. } | Self::Thin { .. } => true,
-            Self::Conductor { alpha, .. }
-            | Self::ColoredMetal { alpha, .. }
-            | Self::Coat { alpha, .. }
-            | Self::Dielectric { alpha, .. } => is_smooth(alpha),
-        }
+        self.sends_as(is_smooth)
     }
 
     /// Whether it sends light into a narrow cone: smooth, or somewhere not rougher than
     /// [`NARROW_ALPHA`].
     pub(super) fn is_narrow(&self) -> bool {
         let is_narrow = |a: &ScalarTexture| a.constant().is_none_or(|a| a <= NARROW_ALPHA);
+        self.sends_as(|alpha| alpha.iter().any(is_narrow))
+    }
+
+    /// Whether `holds` for its roughness; a mirror and a thin sheet have none, and always do.
+    fn sends_as(&self, holds: impl Fn(&[ScalarTexture; 2]) -> bool) -> bool {
         match self {
             Self::Diffuse { .. } | Self::CoatedDiffuse { .. } => false,
             Self::Mirror { .. } | Self::Thin { .. } => true,
             Self::Conductor { alpha, .. }
             | Self::ColoredMetal { alpha, .. }
             | Self::Coat { alpha, .. }
-            | Self::Dielectric { alpha, .. } => alpha.iter().any(is_narrow),
+            | Self::Dielectric { alpha, .. } => holds(alpha),
         }
     }
 

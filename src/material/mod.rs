@@ -232,29 +232,28 @@ impl Material {
     /// the same index is also built as smooth, which only its [`Lobe`] tells.
     #[must_use]
     pub fn has_specular(&self) -> bool {
-        self.lobes
-            .iter()
-            .any(|(weight, spec)| weight.constant() != Some(0.0) && spec.is_specular())
+        self.lobes_there().any(LobeSpec::is_specular)
     }
 
     /// Whether it may cast a caustic: it reflects or refracts into a narrow cone.
     #[must_use]
     pub fn casts(&self) -> bool {
-        self.lobes
-            .iter()
-            .any(|(weight, spec)| weight.constant() != Some(0.0) && spec.is_narrow())
+        self.lobes_there().any(LobeSpec::is_narrow)
+    }
+
+    /// The lobes that have any weight.
+    fn lobes_there(&self) -> impl Iterator<Item = &LobeSpec> {
+        let there = |(weight, _): &&(ScalarTexture, LobeSpec)| weight.constant() != Some(0.0);
+        self.lobes.iter().filter(there).map(|(_, spec)| spec)
     }
 
     /// Whether its reflectances can be told for one polarization: those of facets and of layers of
     /// paint are for unpolarized light.
     #[must_use]
     pub fn keeps_polarization(&self) -> bool {
-        let counts = |weight: &ScalarTexture| weight.constant() != Some(0.0);
         let is_known =
             |spec: &LobeSpec| matches!(spec, LobeSpec::Diffuse { .. }) || spec.is_specular();
-        self.lobes
-            .iter()
-            .all(|(weight, spec)| !counts(weight) || is_known(spec))
+        self.lobes_there().all(is_known)
     }
 
     /// Whether any lobe needs a medium on each side (dielectric).

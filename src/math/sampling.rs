@@ -89,6 +89,12 @@ pub fn uniform_cone(u: [f64; 2], one_minus_cos: f64) -> DVec3 {
     DVec3::new(sin * cos_phi, sin * sin_phi, 1.0 - below_pole)
 }
 
+/// 1 − cos of the angle between unit vectors, as |a − b|²/2: exact where they are near.
+#[must_use]
+pub fn one_minus_cos(a: DVec3, b: DVec3) -> f64 {
+    0.5 * (a - b).length_squared()
+}
+
 /// Density of [`uniform_cone`] per solid angle, inside the cone.
 #[must_use]
 pub fn uniform_cone_pdf(one_minus_cos: f64) -> f64 {

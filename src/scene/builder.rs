@@ -187,8 +187,8 @@ impl SceneBuilder {
         self.description.polarization = polarization;
     }
 
-    /// Share of the light sub-paths that start toward smooth things, in [0, 1):
-    /// [`Casters::SHARE`] unless told otherwise.
+    /// Share of the light sub-paths that start toward mirrors and glass, in 0 to
+    /// [`Casters::LARGEST_SHARE`]: [`Casters::SHARE`] unless told otherwise.
     pub fn caster_share(&mut self, share: f64) {
         self.description.caster_share = share;
     }

@@ -108,7 +108,7 @@ pub struct SceneDescription {
     /// Sequences of surfaces that all paths are held to, by the objects above; `None`: they are
     /// not.
     pub sequences: Option<Sequences>,
-    /// Share of the light sub-paths that start toward smooth things, in [0, 1).
+    /// Share of the light sub-paths that start toward mirrors and glass, in 0 to 0.9.
     pub caster_share: f64,
     /// Medium id of the ambient medium (always 0).
     pub ambient: MediumId,

@@ -136,7 +136,7 @@ pub struct Scene {
     pub environments: Vec<LightId>,
     /// Choice of lights.
     pub selection: LightSelection,
-    /// Smooth things, toward which lights send more.
+    /// Mirrors and glass, toward which lights send more.
     pub casters: Casters,
     /// Sensors.
     pub sensors: Vec<Sensor>,

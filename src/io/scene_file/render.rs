@@ -24,7 +24,7 @@ const PROBABILITY: Range = Range::above(0.0, 1.0, "above 0, at most 1");
 const LIGHT_PATHS: Range = Range::above(0.0, 16.0, "above 0, at most 16");
 const MUTATIONS: Range = Range::closed(1.0, 1_000_000.0, "1 to 1000000");
 const UNIFORM: Range = Range::closed(0.01, 0.99, "0.01 to 0.99");
-const SHARE: Range = Range::closed(0.0, 0.9, "0 to 0.9");
+const SHARE: Range = Range::closed(0.0, Casters::LARGEST_SHARE, "0 to 0.9");
 const WAVELENGTH: Range = Range::closed(100.0, 20_000.0, "100 to 20000 nm");
 const CONE: Range = Range::closed(1e-9, FRAC_PI_2, "1e-9 to pi/2 radians, or \"auto\"");
 const LEAST_CONE: Range = Range::closed(0.0, FRAC_PI_2, "0 to pi/2 radians");
@@ -326,7 +326,7 @@ pub struct Rendering {
     pub polarization: Polarization,
     /// Sequences of surfaces that all paths are held to.
     pub sequences: Option<At<SequenceChoice>>,
-    /// Share of the light sub-paths that start toward smooth things.
+    /// Share of the light sub-paths that start toward mirrors and glass.
     pub caster_share: f64,
 }
 

@@ -3,6 +3,7 @@
 use super::{SceneBuilderError, SceneDescription};
 use crate::geometry::Transform;
 use crate::light::beam::BeamProfile;
+use crate::light::casters::Casters;
 use crate::light::{Light, LightKind};
 use crate::material::MaterialId;
 use crate::medium::{Boundary, MediumId};
@@ -21,6 +22,7 @@ pub(super) fn check(scene: &SceneDescription) -> Result<(), SceneBuilderError> {
     }
     let range = scene.wavelengths.range_nm;
     part("wavelengths", "range", wavelengths(scene))?;
+    part("casters", "share", caster_share(scene.caster_share))?;
     for medium in &scene.media {
         let index = medium.ior.validate(range).map_err(|e| e.to_string());
         part("medium", &medium.name, index.map(|_| ()))?;
@@ -54,6 +56,14 @@ fn require(holds: bool, problem: impl Into<String>) -> Checked {
 
 fn is_positive(value: f64) -> bool {
     value > 0.0 && value.is_finite()
+}
+
+fn caster_share(share: f64) -> Checked {
+    let largest = Casters::LARGEST_SHARE;
+    require(
+        (0.0..=largest).contains(&share),
+        format!("{share} (allowed: 0 to {largest})"),
+    )
 }
 
 fn wavelengths(scene: &SceneDescription) -> Checked {

@@ -102,7 +102,11 @@ fn parts_of_the_same_scene_are_known() {
 fn what_is_not_possible_is_named() {
     assert_eq!(refused(SceneBuilder::new()), "the scene has no sensor");
     type Change = fn(&mut SceneBuilder);
-    let cases: [(Change, &str); 17] = [
+    let cases: [(Change, &str); 18] = [
+        (
+            |s| s.caster_share(1.0),
+            "casters \"share\": 1 (allowed: 0 to 0.9)",
+        ),
         (
             |s| {
                 s.sphere("ball", [0.0; 3], 0.5).of(MaterialId(7));
