@@ -265,7 +265,7 @@ fn a_crop_of_bdpt_has_the_mean_of_the_whole() {
         };
         Estimate::from_batches(&(0..16).map(batch).collect::<Vec<_>>())
     };
-    let (a, b) = (mean(whole, 16), mean(PART, 40));
+    let (a, b) = (mean(whole, 6), mean(PART, 15));
     let error = a.error.hypot(b.error) / a.mean;
     println!("crop: {a:?} {b:?}");
     // p = 7e-6

@@ -344,7 +344,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [300, 400, 100],
+        passes: [130, 400, 90],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2e-3,
@@ -370,7 +370,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [100, 60, 40],
+        passes: [70, 45, 30],
         classes: &["LDE", "LDDE", "LDSE", "LSDE"],
         specular_in_view: true,
         resolution: 2e-3,

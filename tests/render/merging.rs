@@ -242,9 +242,9 @@ fn classic_scenes_look_the_same_in_all_modes() {
         let (scene, mut settings) = scene(&text);
         settings.merging.radius = Some(0.02);
         settings.merging.sharing = Sharing::Stratified;
-        let bdpt = run(&scene, &settings, Bdpt, 12, &[]);
+        let bdpt = run(&scene, &settings, Bdpt, 8, &[]);
         // a glossy floor is hard for merging alone
-        for (kind, passes, resolution) in [(Vcm, 6, 0.05), (Bpm, 64, 0.12), (Ppm, 120, 0.12)] {
+        for (kind, passes, resolution) in [(Vcm, 4, 0.05), (Bpm, 48, 0.12), (Ppm, 90, 0.12)] {
             let merged = run(&scene, &settings, kind, passes, &[]);
             agree(&format!("{what}, {kind:?}"), &merged.y, &bdpt.y, resolution);
         }
@@ -356,10 +356,10 @@ fn square_errors(
 #[test]
 fn the_error_falls_with_passes() {
     let (scene, mut settings) = scene(MIXED);
-    let reference = channel(&image(&scene, &with(&settings, Bdpt), 800), 1);
+    let reference = channel(&image(&scene, &with(&settings, Bdpt), 500), 1);
     let vcm = with(&settings, Vcm);
     let few = square_errors(&scene, &vcm, (2, 4), &reference).mean;
-    let many = square_errors(&scene, &vcm, (64, 4), &reference).mean;
+    let many = square_errors(&scene, &vcm, (64, 2), &reference).mean;
     // the variance of strategies that merge nothing falls 32-fold, that of merging 32^(2/3) =
     // 10-fold
     println!(
@@ -382,8 +382,8 @@ fn the_error_falls_with_passes() {
     let span = f64::ln(96.0 / 6.0);
     let slope = |few: f64, many: f64| (many / few).ln() / span;
     let expected = [slope(variance(6), variance(96)), slope(bias(6), bias(96))];
-    let few = square_errors(&scene, &settings, (6, 32), &reference);
-    let many = square_errors(&scene, &settings, (96, 8), &reference);
+    let few = square_errors(&scene, &settings, (6, 16), &reference);
+    let many = square_errors(&scene, &settings, (96, 4), &reference);
     let found = slope(few.mean, many.mean);
     let relative = |m: &Moments| m.standard_error() / m.mean;
     let error = relative(&few).hypot(relative(&many)) / span;

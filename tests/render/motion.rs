@@ -107,13 +107,13 @@ motion = [{ about = [0, 1.9, 0.4], interpolation = "cubic", keys = [
 "#
         ),
         batches: 16,
-        passes: [230, 60, 80],
+        passes: [160, 50, 60],
         classes: &["LDE", "LDDE", "LDSE", "LSDE"],
         specular_in_view: true,
         resolution: 2e-3,
     };
     let found = run(&case);
-    agree_with_cones(&case, found, [70, 40, 20]);
+    agree_with_cones(&case, found, [70, 34, 8]);
 }
 
 #[test]
@@ -139,7 +139,7 @@ emission = 3
 "#
         ),
         batches: 16,
-        passes: [110, 40, 50],
+        passes: [80, 40, 36],
         classes: &["LDE", "LDDE", "LDSSE"],
         specular_in_view: true,
         resolution: 2.5e-3,
@@ -294,7 +294,7 @@ environment = {{ image = "builtin:studio", euler_deg = [0, {deg}, 0] }}
     let turn = "motion = [{ keys = [{ time = 0, rotate = { axis = [0, 1, 0], deg = 20 } }, { time = 2, rotate = { axis = [0, 1, 0], deg = 110 } }] }]";
     let (moving, settings) = at("shutter = [0, 2]", turn, 0.0);
     assert!(moving.is_moving);
-    let passes = 80 * test_scale();
+    let passes = 50 * test_scale();
     let found = line_mean(&moving, 0, &settings, 16, 24 * passes);
     let (mut sum, mut variance) = (0.0, 0.0);
     let mut range = (f64::MAX, 0.0_f64);

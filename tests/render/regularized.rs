@@ -190,7 +190,7 @@ fn each_strategy_alone_into_glass_and_out_of_it() {
             text: text.leak(),
             class: "LSE",
             epsilon: 0.2,
-            passes: 1400,
+            passes: 1100,
         });
     }
 }
@@ -203,7 +203,7 @@ fn every_subset_of_strategies_has_the_same_mean() {
         .replace("LIGHT", "0.9, 0], u = [0.5, 0, 0], v = [0, 0, 0.5]")
         .replace("METER", "-0.7");
     let (scene, settings) = scene(&text);
-    let passes = 40 * test_scale();
+    let passes = 32 * test_scale();
     let truth = measure(&scene, &settings, 24, 6 * passes, &["LSE"]).classes[0];
     let settings = regularized(&settings, Mis, 0.1);
     for subset in (1..16_u32).filter(|s| s.count_ones() > 1) {
@@ -356,7 +356,7 @@ fn squared_errors(settings: &Settings, counts: &[u32]) -> Vec<f64> {
 #[test]
 fn shrinking_cones_converge_and_constant_ones_do_not() {
     let (_, settings) = scene(POINT_MIRROR);
-    let counts = [16, 128, 1024];
+    let counts = [8, 64, 512];
     let mut shrinking = regularized(&settings, Mis, 0.6);
     shrinking.regularization.epsilon_min = 0.0;
     let errors = squared_errors(&shrinking, &counts);
@@ -366,7 +366,7 @@ fn shrinking_cones_converge_and_constant_ones_do_not() {
 
     // bias b ε² with equal b: the floors of ε and ε/2 differ by 16
     let floor = |epsilon: f64| {
-        let errors = squared_errors(&regularized(&settings, Mis, epsilon), &[256, 1024]);
+        let errors = squared_errors(&regularized(&settings, Mis, epsilon), &[128, 512]);
         // error² = floor + v/N
         (4.0 * errors[1] - errors[0]) / 3.0
     };
