@@ -255,7 +255,7 @@ def brightness(arguments, folder, name):
         if mutations > known[1][0]:
             known[1] = (mutations, seconds)
         mean, own = mean_and_error(ratios)
-        both = math.hypot(0 if math.isnan(own) else own, error)
+        both = math.hypot(0 if math.isnan(own) else own, mean * error)
         each = ", ".join(f"{r:.4f}" for r in ratios)
         print(f"| {name} | {mutations} | {seconds:.1f} s | {mean:.4f} +- {both:.4f} | {each} |", flush=True)
 
