@@ -4,6 +4,7 @@
 
 use super::ray::LocalRay;
 use super::tree::Tree;
+use super::tree_walk::Boxes;
 use super::{Hit, Instance, InstanceId, Moment, Ray, Shape, SurfaceId, SurfacePoint, instance};
 use glam::{DVec2, DVec3};
 

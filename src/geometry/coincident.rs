@@ -7,6 +7,7 @@
 
 use super::motion::Placement;
 use super::ray::LocalRay;
+use super::tree_walk::Boxes;
 use super::{AccelAt, Hit, InstanceId, Ray, Shape, SurfaceId, SurfacePoint};
 use crate::math::predicates::transformed_error;
 use arrayvec::ArrayVec;

@@ -2,16 +2,17 @@
 //! time of a ray.
 //!
 //! At each time the vertices are rounded to f32 like those of any mesh, every one in the same way
-//! for all its triangles, so that the surface is as watertight as a [`super::Mesh`]. The tree holds
-//! swept boxes, which are exact for vertices that move along lines. Where triangles move far in
-//! comparison to their size, boxes overlap and rays test many triangles in vain; the shutter is
-//! then cut into segments with a tree each, as many as measured tests per ray pay for.
+//! for all its triangles, so that the surface is as watertight as a [`super::Mesh`]. The boxes of
+//! the tree move as well, along lines. Where vertices do not, or where those that are near one
+//! another part, rays test many triangles in vain; the shutter is then cut into segments with a
+//! tree each, as many as measured tests per ray pay for.
 
 use super::mesh::{self, Attributes, Corners, CornersAt, MeshError, TriangleMesh, check, vec};
+use super::moving_tree::{MovingTree, MovingTreeAt};
 use super::ray::LocalRay;
 use super::shape::Shape;
 use super::shutter::Shutter;
-use super::tree::{self, Tree};
+use super::tree;
 use super::triangles::{Triangle, Triangles};
 use super::{InstanceId, Mesh, Ray};
 use crate::math::hash::{random_bits, unit_f64};
@@ -81,7 +82,7 @@ struct Key {
 /// The tree of a part of the shutter, and the triangle of each of its leaves.
 #[derive(Debug)]
 struct Segment {
-    tree: Tree,
+    tree: MovingTree,
     order: Vec<u32>,
 }
 
@@ -93,6 +94,8 @@ pub(super) struct Between<'a> {
     /// Fraction of the way.
     u: f64,
     segment: &'a Segment,
+    /// Fraction of the segment.
+    fraction: f64,
 }
 
 /// Most segments of a shutter.
@@ -243,14 +246,15 @@ impl Corners for Keyed {
         let (from, to, u) = between(&self.keys, |key| key.time_s, time);
         let count = self.segments.len();
         let Shutter { open_s, close_s } = self.shutter;
-        let fraction = (time - open_s) / (close_s - open_s);
-        // negative fractions become 0
-        let segment = &self.segments[((fraction * count as f64) as usize).min(count - 1)];
+        let along = (time - open_s) / (close_s - open_s) * count as f64;
+        // negative numbers become 0
+        let index = (along as usize).min(count - 1);
         Between {
             from,
             to,
             u,
-            segment,
+            segment: &self.segments[index],
+            fraction: (along - index as f64).clamp(0.0, 1.0),
         }
     }
 
@@ -270,7 +274,9 @@ impl Corners for Keyed {
     }
 }
 
-impl CornersAt for Between<'_> {
+impl<'a> CornersAt for Between<'a> {
+    type Boxes = MovingTreeAt<'a>;
+
     #[inline(always)]
     fn triangle(self, prim: u32) -> Triangle {
         triangle(self.from, self.to, self.u, prim)
@@ -289,11 +295,8 @@ impl CornersAt for Between<'_> {
     }
 
     #[inline(always)]
-    fn tree<'t>(self) -> &'t Tree
-    where
-        Self: 't,
-    {
-        &self.segment.tree
+    fn boxes(self) -> MovingTreeAt<'a> {
+        self.segment.tree.at(self.fraction)
     }
 
     #[inline(always)]
@@ -389,27 +392,62 @@ impl Deforming {
 impl Keyed {
     /// Trees over `count` equal parts of the shutter.
     fn cut(keys: &[Key], shutter: Shutter, count: usize) -> Vec<Segment> {
+        let largest = |key: &Key| {
+            let corners = key.triangles.iter().flatten().flatten();
+            corners.fold(0.0, |most: f32, x| most.max(x.abs()))
+        };
+        let rounding = f64::from(keys.iter().map(largest).fold(0.0, f32::max) * f32::EPSILON);
         (0..count)
             .map(|i| {
                 let at = |i: usize| shutter.at(i as f64 / count as f64);
-                let (a, b) = (at(i), at(i + 1));
-                let mut times = vec![a, b];
-                let inner = keys.iter().map(|key| key.time_s);
-                times.extend(inner.filter(|t| (a..b).contains(t)));
-                let swept = |prim: usize| {
-                    let corners = times.iter().flat_map(|&t| {
-                        let (from, to, u) = between(keys, |key| key.time_s, t);
-                        triangle(from, to, u, prim as u32).map(vec)
-                    });
-                    corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
-                        (low.min(p), high.max(p))
-                    })
+                let [a, b] = [at(i), at(i + 1)];
+                let times = keys.iter().map(|key| key.time_s);
+                let inner: Vec<f64> = times.filter(|t| *t > a && *t < b).collect();
+                let ends = |prim: usize| {
+                    let box_at = |t| box_at(keys, prim as u32, t, rounding);
+                    let inner = inner.iter().map(|t| ((t - a) / (b - a), box_at(*t)));
+                    holding([a, b].map(box_at), inner)
                 };
-                let (tree, order) = Tree::build(keys[0].triangles.len(), tree::LEAF_LIMIT, swept);
+                let count = keys[0].triangles.len();
+                let (tree, order) = MovingTree::build(count, tree::LEAF_LIMIT, ends);
                 Segment { tree, order }
             })
             .collect()
     }
+}
+
+/// The box around a triangle at a time, wider by how far corners are from the lines that they are
+/// rounded from.
+fn box_at(keys: &[Key], prim: u32, t: f64, rounding: f64) -> (DVec3, DVec3) {
+    let (from, to, u) = between(keys, |key| key.time_s, t);
+    let (from, to) = (from.triangles.get(prim), to.triangles.get(prim));
+    let corners = [0, 1, 2].map(|i| lerp(from[i], to[i], u));
+    let [low, high] = [DVec3::min, DVec3::max].map(|of| {
+        corners
+            .into_iter()
+            .reduce(of)
+            .expect("invariant: a triangle has corners")
+    });
+    (low - rounding, high + rounding)
+}
+
+/// The boxes at the ends of a time, moved apart until what is between them at any fraction of it
+/// holds what is there.
+fn holding(
+    mut ends: [(DVec3, DVec3); 2],
+    inner: impl Iterator<Item = (f64, (DVec3, DVec3))>,
+) -> [(DVec3, DVec3); 2] {
+    let [from, to] = ends;
+    let (mut low, mut high) = (DVec3::ZERO, DVec3::ZERO);
+    for (u, there) in inner {
+        low = low.max(from.0.lerp(to.0, u) - there.0);
+        high = high.max(there.1 - from.1.lerp(to.1, u));
+    }
+    for end in &mut ends {
+        end.0 -= low;
+        end.1 += high;
+    }
+    ends
 }
 
 /// The corners of the triangles at each frame.

@@ -8,7 +8,8 @@
 
 use super::ray::LocalRay;
 use super::shape::LocalPoint;
-use super::tree::{Entry, Tree};
+use super::tree::Entry;
+use super::tree_walk::Boxes;
 use super::triangles::Triangle;
 use crate::math::distribution::AliasTable;
 use crate::math::predicates::{TriangleFilter, TriangleHit, TriangleRay};
@@ -39,6 +40,9 @@ pub(super) trait Corners {
 
 /// Corners of the triangles of a mesh at one moment.
 pub(super) trait CornersAt: Copy {
+    /// Boxes of the tree over the triangles.
+    type Boxes: Boxes;
+
     /// The corners of triangle `prim`, counter-clockwise seen from outside.
     fn triangle(self, prim: u32) -> Triangle;
 
@@ -49,9 +53,7 @@ pub(super) trait CornersAt: Copy {
     fn normal(self, vertex: usize) -> Option<DVec3>;
 
     /// The tree over the triangles.
-    fn tree<'t>(self) -> &'t Tree
-    where
-        Self: 't;
+    fn boxes(self) -> Self::Boxes;
 
     /// The triangle of a leaf of the tree.
     fn prim(self, leaf: u32) -> u32;
@@ -242,12 +244,13 @@ impl<C: Corners> TriangleMesh<C> {
         mut tested: impl FnMut(u32),
     ) -> Option<(f64, u32, DVec2)> {
         let corners = self.corners.at(time);
-        let entry = corners.tree().enter(ray.o, ray.d, ray.t_max)?;
+        let boxes = corners.boxes();
+        let entry = boxes.tree().enter(ray.o, ray.d, ray.t_max)?;
         let prepared = self.prepare(ray, &entry);
         let mut best = None;
         let mut t_best = ray.t_max;
         let fetch = |leaf| corners.fetch(leaf);
-        corners.tree().closest(&entry, fetch, |leaves| {
+        boxes.closest(&entry, fetch, |leaves| {
             let mut nearer = None;
             for leaf in leaves {
                 let prim = corners.prim(leaf);
@@ -267,12 +270,13 @@ impl<C: Corners> TriangleMesh<C> {
     #[inline]
     pub(super) fn occluded(&self, ray: &LocalRay, time: f64) -> bool {
         let corners = self.corners.at(time);
-        let Some(entry) = corners.tree().enter(ray.o, ray.d, ray.t_max) else {
+        let boxes = corners.boxes();
+        let Some(entry) = boxes.tree().enter(ray.o, ray.d, ray.t_max) else {
             return false;
         };
         let prepared = self.prepare(ray, &entry);
         let fetch = |leaf| corners.fetch(leaf);
-        corners.tree().any(&entry, fetch, |mut leaves| {
+        boxes.any(&entry, fetch, |mut leaves| {
             leaves.any(|leaf| hit(corners, ray, &prepared, corners.prim(leaf), ray.t_max).is_some())
         })
     }
@@ -281,11 +285,12 @@ impl<C: Corners> TriangleMesh<C> {
     /// third vertex.
     pub(super) fn each(&self, ray: &LocalRay, time: f64, mut found: impl FnMut(u32, DVec2)) {
         let corners = self.corners.at(time);
-        let Some(entry) = corners.tree().enter(ray.o, ray.d, ray.t_max) else {
+        let boxes = corners.boxes();
+        let Some(entry) = boxes.tree().enter(ray.o, ray.d, ray.t_max) else {
             return;
         };
         let prepared = self.prepare(ray, &entry);
-        corners.tree().any(
+        boxes.any(
             &entry,
             |_| (),
             |leaves| {

@@ -17,6 +17,7 @@ pub mod lens;
 pub mod mesh;
 pub mod moment;
 pub mod motion;
+mod moving_tree;
 pub mod pose;
 pub mod ray;
 pub mod shape;

@@ -44,7 +44,9 @@ impl Corners for Still {
     }
 }
 
-impl CornersAt for &Still {
+impl<'a> CornersAt for &'a Still {
+    type Boxes = &'a Tree;
+
     #[inline(always)]
     fn triangle(self, prim: u32) -> Triangle {
         self.triangles.get(prim)
@@ -61,10 +63,7 @@ impl CornersAt for &Still {
     }
 
     #[inline(always)]
-    fn tree<'t>(self) -> &'t Tree
-    where
-        Self: 't,
-    {
+    fn boxes(self) -> &'a Tree {
         &self.tree
     }
 

@@ -176,21 +176,13 @@ impl Tree {
     pub(super) fn is_large(&self) -> bool {
         self.nodes.len() >= MANY
     }
+}
 
-    /// Has the memory of a child fetched that will likely be visited, while nearer ones are: a walk
-    /// through a large tree is a chain of cache misses.
-    #[inline(always)]
-    pub(super) fn fetch(&self, child: Child, leaf: impl Fn(u32)) {
-        match child.prims() {
-            Some(prims) => leaf(prims.start),
-            None => {
-                // Two lines of 64 bytes.
-                let node = &self.nodes[child.index()];
-                prefetch_index(&self.nodes, child.index());
-                prefetch_index(node.planes.as_slice(), 2);
-            }
-        }
-    }
+/// Has the memory of a node fetched: two lines of 64 bytes.
+#[inline(always)]
+pub(super) fn fetch(nodes: &[Node], index: usize) {
+    prefetch_index(nodes, index);
+    prefetch_index(nodes[index].planes.as_slice(), 2);
 }
 
 impl Node {
@@ -266,21 +258,60 @@ impl Node {
     /// The boxes entered before `limit`, as bits, and where.
     #[inline(always)]
     pub(super) fn hits(&self, entry: &Entry, limit: f32) -> (u32, f32x8) {
-        let (mut enter, mut leave) = (f32x8::ZERO, f32x8::splat(limit));
-        for axis in 0..3 {
+        slabs(entry, limit, |axis| {
             let inv = entry.inv_direction[axis];
             let per_step = f32x8::splat(step(self.exponents[axis]) * inv);
             let corner = f32x8::splat((self.origin[axis] - entry.origin[axis]) * inv);
-            let plane = |high: bool| {
+            move |high: bool| {
                 let steps = self.planes[axis][usize::from(high)].map(f32::from);
                 f32x8::from(steps) * per_step + corner
-            };
-            let is_negative = entry.negative[axis];
-            enter = enter.fast_max(plane(is_negative));
-            leave = leave.fast_min(plane(!is_negative));
-        }
-        (enter.simd_le(leave).to_bitmask(), enter)
+            }
+        })
     }
+
+    /// The same of boxes that are on a fraction `u` of their way to those of `end`, each along a
+    /// line.
+    #[inline(always)]
+    pub(super) fn hits_between(
+        &self,
+        end: &Self,
+        u: f32,
+        entry: &Entry,
+        limit: f32,
+    ) -> (u32, f32x8) {
+        let left = 1.0 - u;
+        slabs(entry, limit, |axis| {
+            let inv = entry.inv_direction[axis];
+            let origin = self.origin[axis] * left + end.origin[axis] * u;
+            let corner = f32x8::splat((origin - entry.origin[axis]) * inv);
+            let from = f32x8::splat(step(self.exponents[axis]) * left * inv);
+            let to = f32x8::splat(step(end.exponents[axis]) * u * inv);
+            move |high: bool| {
+                let steps =
+                    |of: &Self| f32x8::from(of.planes[axis][usize::from(high)].map(f32::from));
+                let (a, b) = (steps(self), steps(end));
+                a * from + b * to + corner
+            }
+        })
+    }
+}
+
+/// The boxes entered before `limit`, as bits, and where, from the distances of their low and high
+/// planes on each axis.
+#[inline(always)]
+fn slabs<P: Fn(bool) -> f32x8>(
+    entry: &Entry,
+    limit: f32,
+    planes: impl Fn(usize) -> P,
+) -> (u32, f32x8) {
+    let (mut enter, mut leave) = (f32x8::ZERO, f32x8::splat(limit));
+    for axis in 0..3 {
+        let plane = planes(axis);
+        let is_negative = entry.negative[axis];
+        enter = enter.fast_max(plane(is_negative));
+        leave = leave.fast_min(plane(!is_negative));
+    }
+    (enter.simd_le(leave).to_bitmask(), enter)
 }
 
 /// The power of two that has this exponent (1..=254) in f32.

@@ -1,8 +1,9 @@
 //! Building a [`Tree`] with obvhs.
 //!
-//! The binary tree is the largest thing that building a scene holds, so no boxes are kept beside
-//! it, and what serves one step only is dropped before the next.
+//! The binary tree is the largest thing that building a scene holds, so no boxes of things at rest
+//! are kept beside it, and what serves one step only is dropped before the next.
 
+use super::moving_tree::{MOVING_PADDING, MovingTree};
 use super::tree::{Node, PADDING, Tree, WIDTH, pending};
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -24,65 +25,126 @@ const BINARY_COST: f32 = 3.0;
 /// Cost of a test of a box's content, in visits of a wide node.
 const TEST_COST: f32 = 0.3;
 
+/// Lower and upper corner.
+type Corners = (DVec3, DVec3);
+
 impl Tree {
     /// The tree over `count` boxes (1..2^29), at most `leaf_size` (1..=4) to a leaf, and the order
     /// in which its queries number them: the i-th is box `order[i]`.
     pub fn build(
         count: usize,
         leaf_size: usize,
-        bounds: impl Fn(usize) -> (DVec3, DVec3),
+        bounds: impl Fn(usize) -> Corners,
     ) -> (Self, Vec<u32>) {
-        let (low, high) = (0..count)
-            .map(&bounds)
+        let mut tree = Self::over((0..count).map(&bounds));
+        let padded = |i: usize| tree.padded(bounds(i), PADDING, i);
+        let binary = binary_tree(count, leaf_size, padded);
+        let ([nodes], order) = wide_nodes(
+            &binary,
+            [&|node| {
+                let node: &Bvh2Node = &binary.nodes[node];
+                (node.min.into(), node.max.into())
+            }],
+        );
+        tree.set(nodes);
+        (tree, order)
+    }
+
+    /// A tree without nodes whose frame holds these boxes.
+    fn over(boxes: impl Iterator<Item = Corners>) -> Self {
+        let (low, high) = boxes
             .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
             .unwrap_or_default();
-        let center = low + (high - low) / 2.0;
         let half = (high - low) / 2.0;
         let largest = half.max_element();
         let inv_scale = if largest > 0.0 { 1.0 / largest } else { 1.0 };
-        let frame = |p: DVec3| (p - center) * inv_scale;
-        let padded = |i: usize| {
-            // Unequal padding tells coincident boxes apart, of which the builder would pair one at
-            // a time.
-            let pad = PADDING * (1.0 + (i as f64 * 0.618_033_988_749_894_9).fract());
-            let (low, high) = bounds(i);
-            let (low, high) = (frame(low) - pad, frame(high) + pad);
-            (low.as_vec3a(), high.as_vec3a())
-        };
-        let (nodes, order) = wide_nodes(count, leaf_size, padded);
-        let tree = Self {
-            pending: pending(&nodes),
-            nodes,
-            center,
+        Self {
+            nodes: Vec::new(),
+            pending: 0,
+            center: low + (high - low) / 2.0,
             inv_scale,
             reach: half * inv_scale + PADDING * 2.0,
-        };
-        (tree, order)
+        }
+    }
+
+    fn set(&mut self, nodes: Vec<Node>) {
+        self.pending = pending(&nodes);
+        self.nodes = nodes;
+    }
+
+    /// Box `i` in the frame of the tree.
+    fn padded(&self, (low, high): Corners, padding: f64, i: usize) -> (Vec3A, Vec3A) {
+        // Unequal padding tells coincident boxes apart, of which the builder would pair one at a
+        // time.
+        let pad = padding * (1.0 + (i as f64 * 0.618_033_988_749_894_9).fract());
+        let frame = |p: DVec3| (p - self.center) * self.inv_scale;
+        let (low, high) = (frame(low) - pad, frame(high) + pad);
+        (low.as_vec3a(), high.as_vec3a())
     }
 }
 
-/// Nodes, parents before children, and the order of the boxes in their leaves.
-fn wide_nodes(
-    count: usize,
-    leaf_size: usize,
-    bounds: impl Fn(usize) -> (Vec3A, Vec3A),
-) -> (Vec<Node>, Vec<u32>) {
-    let binary = binary_tree(count, leaf_size, bounds);
+impl MovingTree {
+    /// The tree over `count` boxes that move from the first of `ends` to the second, as
+    /// [`Tree::build`] gives it for boxes at rest. It is built for where they are half way.
+    pub fn build(
+        count: usize,
+        leaf_size: usize,
+        ends: impl Fn(usize) -> [Corners; 2],
+    ) -> (Self, Vec<u32>) {
+        let mut tree = Tree::over((0..count).flat_map(&ends));
+        let padded = |i: usize| ends(i).map(|corners| tree.padded(corners, MOVING_PADDING, i));
+        let binary = binary_tree(count, leaf_size, |i| {
+            let [a, b] = padded(i);
+            (0.5 * (a.0 + b.0), 0.5 * (a.1 + b.1))
+        });
+        let [from, to] = [0, 1].map(|end| refitted(&binary, |i| padded(i)[end]));
+        let ([nodes, ends], order) = wide_nodes(&binary, [&|node| from[node], &|node| to[node]]);
+        tree.set(nodes);
+        (Self { tree, ends }, order)
+    }
+}
+
+/// The boxes of the nodes of a binary tree, over others than it was built for.
+fn refitted(binary: &Bvh2, bounds: impl Fn(usize) -> (Vec3A, Vec3A)) -> Vec<(Vec3A, Vec3A)> {
+    let mut out = vec![(Vec3A::INFINITY, Vec3A::NEG_INFINITY); binary.nodes.len()];
+    for index in parents_first(&binary.nodes).into_iter().rev() {
+        let node = &binary.nodes[index as usize];
+        let first = node.first_index as usize;
+        let parts: Vec<(Vec3A, Vec3A)> = if node.is_leaf() {
+            let prims = &binary.primitive_indices[first..first + node.prim_count as usize];
+            prims.iter().map(|&prim| bounds(prim as usize)).collect()
+        } else {
+            out[first..first + 2].to_vec()
+        };
+        out[index as usize] = parts
+            .into_iter()
+            .fold(out[index as usize], |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    }
+    out
+}
+
+/// Nodes, parents before children, for each kind of boxes of the nodes of the binary tree, and the
+/// order of the boxes in their leaves.
+fn wide_nodes<const N: usize>(
+    binary: &Bvh2,
+    boxes: [&dyn Fn(usize) -> (Vec3A, Vec3A); N],
+) -> ([Vec<Node>; N], Vec<u32>) {
     let costs = costs(&binary.nodes);
-    let mut nodes = vec![Node::EMPTY];
-    let mut order = Vec::with_capacity(count);
+    let mut nodes = [(); N].map(|()| vec![Node::EMPTY]);
+    let mut order = Vec::with_capacity(binary.primitive_indices.len());
     // Depth first, so that a subtree lies together in memory; the children of a node side by side.
     let mut todo = vec![(0, 0)];
+    let mut count = 1;
     while let Some((root, index)) = todo.pop() {
         let mut members = Vec::with_capacity(WIDTH);
         cut(&binary.nodes, &costs, root, WIDTH, true, &mut members);
-        let first_node = nodes.len();
-        let boxes = members.iter().map(|&member| &binary.nodes[member]);
-        nodes[index] = Node::new(
-            boxes.map(|of| (of.min.into(), of.max.into(), of.prim_count as usize)),
-            first_node,
-            order.len(),
-        );
+        for (nodes, bounds) in nodes.iter_mut().zip(&boxes) {
+            let member = |&member: &usize| {
+                let (low, high) = bounds(member);
+                (low, high, binary.nodes[member].prim_count as usize)
+            };
+            nodes[index] = Node::new(members.iter().map(member), count, order.len());
+        }
         for &member in &members {
             let of = &binary.nodes[member];
             if of.is_leaf() {
@@ -92,10 +154,14 @@ fn wide_nodes(
             }
         }
         members.retain(|&member| !binary.nodes[member].is_leaf());
-        nodes.resize(first_node + members.len(), Node::EMPTY);
-        todo.extend(members.into_iter().zip(first_node..nodes.len()).rev());
+        let first = count;
+        count += members.len();
+        for nodes in &mut nodes {
+            nodes.resize(count, Node::EMPTY);
+        }
+        todo.extend(members.into_iter().zip(first..count).rev());
     }
-    nodes.shrink_to_fit();
+    nodes.iter_mut().for_each(Vec::shrink_to_fit);
     (nodes, order)
 }
 
@@ -128,20 +194,25 @@ fn binary_tree(count: usize, leaf_size: usize, bounds: impl Fn(usize) -> (Vec3A,
     tree
 }
 
-/// For each node, the least expected cost of its subtree as at most 1..=8 children of a wide node:
-/// of all visits below and of all tests in leaves, in proportion to the areas of the boxes.
-fn costs(nodes: &[Bvh2Node]) -> Vec<[f32; WIDTH]> {
-    let mut parents_first = vec![0u32];
+/// The nodes of a binary tree, each before its children.
+fn parents_first(nodes: &[Bvh2Node]) -> Vec<u32> {
+    let mut order = vec![0u32];
     let mut at = 0;
-    while let Some(&node) = parents_first.get(at) {
+    while let Some(&node) = order.get(at) {
         let node = &nodes[node as usize];
         if !node.is_leaf() {
-            parents_first.extend([node.first_index, node.first_index + 1]);
+            order.extend([node.first_index, node.first_index + 1]);
         }
         at += 1;
     }
+    order
+}
+
+/// For each node, the least expected cost of its subtree as at most 1..=8 children of a wide node:
+/// of all visits below and of all tests in leaves, in proportion to the areas of the boxes.
+fn costs(nodes: &[Bvh2Node]) -> Vec<[f32; WIDTH]> {
     let mut costs = vec![[0.0; WIDTH]; nodes.len()];
-    for &index in parents_first.iter().rev() {
+    for index in parents_first(nodes).into_iter().rev() {
         let node = &nodes[index as usize];
         let area = node.aabb().half_area();
         costs[index as usize] = if node.is_leaf() {

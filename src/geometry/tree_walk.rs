@@ -3,9 +3,10 @@
 //! The search for the closest hit visits boxes from near to far. The search for any hit needs no
 //! order, and its bound, the length of the segment, never changes: it keeps no distances.
 
-use super::tree::{Child, Entry, Tree, WIDTH};
+use super::tree::{Child, Entry, Node, Tree, WIDTH, fetch};
 use arrayvec::ArrayVec;
 use std::ops::Range;
+use wide::f32x8;
 
 /// Pending children that need no allocation (a million triangles: at most 60).
 const PENDING: usize = 96;
@@ -51,139 +52,178 @@ impl<T> Stack<T> for Vec<T> {
     }
 }
 
-impl Tree {
+/// The boxes of a tree at the moment of a ray.
+pub(super) trait Boxes: Copy {
+    /// The tree that they hang in.
+    fn tree(&self) -> &Tree;
+
+    /// The boxes of a node of the tree that are entered before `limit`, as bits, and where.
+    fn hits(&self, node: &Node, index: usize, entry: &Entry, limit: f32) -> (u32, f32x8);
+
+    /// Has the memory of a node fetched.
+    fn fetch_node(&self, node: usize);
+
     /// Visits runs of boxes that may be hit, roughly from near to far; `hit` returns the parameter
     /// of a new closest hit, `fetch` learns early where runs start.
     #[inline(always)]
-    pub fn closest(
-        &self,
+    fn closest(
+        self,
         entry: &Entry,
         fetch: impl Fn(u32),
         mut hit: impl FnMut(Range<u32>) -> Option<f64>,
     ) {
-        if self.pending > PENDING {
+        if self.tree().pending > PENDING {
             return self.closest_in_deep_tree(entry, &mut hit);
         }
-        self.ordered(entry, ArrayVec::<u64, PENDING>::new(), fetch, hit);
+        ordered(self, entry, ArrayVec::<u64, PENDING>::new(), fetch, hit);
     }
 
     /// Whether `hit` holds for any run of boxes that may be hit.
     #[inline(always)]
-    pub fn any(
-        &self,
+    fn any(
+        self,
         entry: &Entry,
         fetch: impl Fn(u32),
         mut hit: impl FnMut(Range<u32>) -> bool,
     ) -> bool {
-        if self.pending > PENDING {
+        if self.tree().pending > PENDING {
             return self.any_in_deep_tree(entry, &mut hit);
         }
-        self.unordered(entry, ArrayVec::<u32, PENDING>::new(), fetch, hit)
+        unordered(self, entry, ArrayVec::<u32, PENDING>::new(), fetch, hit)
     }
 
-    #[cold]
-    fn closest_in_deep_tree(&self, entry: &Entry, hit: &mut dyn FnMut(Range<u32>) -> Option<f64>) {
-        self.ordered(entry, Vec::new(), |_| (), hit);
-    }
-
-    #[cold]
-    fn any_in_deep_tree(&self, entry: &Entry, hit: &mut dyn FnMut(Range<u32>) -> bool) -> bool {
-        self.unordered(entry, Vec::new(), |_| (), hit)
-    }
-
+    /// Has the memory of a child fetched that will likely be visited, while nearer ones are: a walk
+    /// through a large tree is a chain of cache misses.
     #[inline(always)]
-    fn ordered(
-        &self,
-        entry: &Entry,
-        mut pending: impl Stack<u64>,
-        fetch: impl Fn(u32),
-        mut hit: impl FnMut(Range<u32>) -> Option<f64>,
-    ) {
-        let mut limit = entry.limit;
-        let mut child = Child::ROOT;
-        let is_large = self.is_large();
-        loop {
-            if let Some(prims) = child.prims() {
-                if let Some(t) = hit(prims) {
-                    limit = limit.min(entry.length(t));
-                }
-            } else {
-                let node = &self.nodes[child.index()];
-                let (mut hits, near) = node.hits(entry, limit);
-                if hits != 0 {
-                    let near = near.to_array();
-                    // distance in the upper half (positive floats sort like their bits), child in
-                    // the lower
-                    let mut next = || {
-                        let slot = take(&mut hits)?;
-                        let child = node.child(slot);
-                        if is_large {
-                            self.fetch(child, &fetch);
-                        }
-                        Some(u64::from(near[slot].to_bits()) << 32 | u64::from(child.number()))
-                    };
-                    let (first, second) = (next(), next());
-                    let nearest = match (first, second) {
-                        (Some(a), Some(b)) => {
-                            pending.push(a.max(b));
-                            let mut nearest = a.min(b);
-                            let mut count = 1;
-                            while let Some(c) = next() {
-                                pending.push(nearest.max(c));
-                                nearest = nearest.min(c);
-                                count += 1;
-                                sort_last(pending.last(count));
-                            }
-                            nearest
-                        }
-                        (a, _) => a.unwrap_or_default(),
-                    };
-                    child = Child::of(nearest as u32);
-                    continue;
-                }
-            }
-            child = loop {
-                let Some(next) = pending.pop() else {
-                    return;
-                };
-                if f32::from_bits((next >> 32) as u32) <= limit {
-                    break Child::of(next as u32);
-                }
-            };
+    fn fetch_child(self, child: Child, leaf: impl Fn(u32)) {
+        match child.prims() {
+            Some(prims) => leaf(prims.start),
+            None => self.fetch_node(child.index()),
         }
     }
 
-    #[inline(always)]
-    fn unordered(
-        &self,
-        entry: &Entry,
-        mut pending: impl Stack<u32>,
-        fetch: impl Fn(u32),
-        mut hit: impl FnMut(Range<u32>) -> bool,
-    ) -> bool {
-        let mut child = Child::ROOT;
-        let is_large = self.is_large();
-        loop {
-            if let Some(prims) = child.prims() {
-                if hit(prims) {
-                    return true;
-                }
-            } else {
-                let node = &self.nodes[child.index()];
-                let (mut hits, _) = node.hits(entry, entry.limit);
-                while let Some(slot) = take(&mut hits) {
+    #[cold]
+    fn closest_in_deep_tree(self, entry: &Entry, hit: &mut dyn FnMut(Range<u32>) -> Option<f64>) {
+        ordered(self, entry, Vec::new(), |_| (), hit);
+    }
+
+    #[cold]
+    fn any_in_deep_tree(self, entry: &Entry, hit: &mut dyn FnMut(Range<u32>) -> bool) -> bool {
+        unordered(self, entry, Vec::new(), |_| (), hit)
+    }
+}
+
+/// [`Boxes::closest`] with room for what is pending.
+#[inline(always)]
+fn ordered(
+    boxes: impl Boxes,
+    entry: &Entry,
+    mut pending: impl Stack<u64>,
+    fetch: impl Fn(u32),
+    mut hit: impl FnMut(Range<u32>) -> Option<f64>,
+) {
+    let mut limit = entry.limit;
+    let mut child = Child::ROOT;
+    let is_large = boxes.tree().is_large();
+    loop {
+        if let Some(prims) = child.prims() {
+            if let Some(t) = hit(prims) {
+                limit = limit.min(entry.length(t));
+            }
+        } else {
+            let node = &boxes.tree().nodes[child.index()];
+            let (mut hits, near) = boxes.hits(node, child.index(), entry, limit);
+            if hits != 0 {
+                let near = near.to_array();
+                // distance in the upper half (positive floats sort like their bits), child in
+                // the lower
+                let mut next = || {
+                    let slot = take(&mut hits)?;
                     let child = node.child(slot);
                     if is_large {
-                        self.fetch(child, &fetch);
+                        boxes.fetch_child(child, &fetch);
                     }
-                    pending.push(child.number());
-                }
+                    Some(u64::from(near[slot].to_bits()) << 32 | u64::from(child.number()))
+                };
+                let (first, second) = (next(), next());
+                let nearest = match (first, second) {
+                    (Some(a), Some(b)) => {
+                        pending.push(a.max(b));
+                        let mut nearest = a.min(b);
+                        let mut count = 1;
+                        while let Some(c) = next() {
+                            pending.push(nearest.max(c));
+                            nearest = nearest.min(c);
+                            count += 1;
+                            sort_last(pending.last(count));
+                        }
+                        nearest
+                    }
+                    (a, _) => a.unwrap_or_default(),
+                };
+                child = Child::of(nearest as u32);
+                continue;
             }
-            let Some(next) = pending.pop() else {
-                return false;
-            };
-            child = Child::of(next);
         }
+        child = loop {
+            let Some(next) = pending.pop() else {
+                return;
+            };
+            if f32::from_bits((next >> 32) as u32) <= limit {
+                break Child::of(next as u32);
+            }
+        };
+    }
+}
+
+/// [`Boxes::any`] with room for what is pending.
+#[inline(always)]
+fn unordered(
+    boxes: impl Boxes,
+    entry: &Entry,
+    mut pending: impl Stack<u32>,
+    fetch: impl Fn(u32),
+    mut hit: impl FnMut(Range<u32>) -> bool,
+) -> bool {
+    let mut child = Child::ROOT;
+    let is_large = boxes.tree().is_large();
+    loop {
+        if let Some(prims) = child.prims() {
+            if hit(prims) {
+                return true;
+            }
+        } else {
+            let node = &boxes.tree().nodes[child.index()];
+            let (mut hits, _) = boxes.hits(node, child.index(), entry, entry.limit);
+            while let Some(slot) = take(&mut hits) {
+                let child = node.child(slot);
+                if is_large {
+                    boxes.fetch_child(child, &fetch);
+                }
+                pending.push(child.number());
+            }
+        }
+        let Some(next) = pending.pop() else {
+            return false;
+        };
+        child = Child::of(next);
+    }
+}
+
+impl Boxes for &Tree {
+    #[inline(always)]
+    fn tree(&self) -> &Tree {
+        self
+    }
+
+    #[inline(always)]
+    fn hits(&self, node: &Node, _: usize, entry: &Entry, limit: f32) -> (u32, f32x8) {
+        node.hits(entry, limit)
+    }
+
+    #[inline(always)]
+    fn fetch_node(&self, node: usize) {
+        fetch(&self.nodes, node);
     }
 }
 
