@@ -291,7 +291,7 @@ emission = 5
 "#
         ),
         batches: 16,
-        passes: [150, 340, 120],
+        passes: [80, 340, 90],
         classes: &["LDE", "LDDE"],
         specular_in_view: false,
         resolution: 1.5e-3,
@@ -344,7 +344,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [130, 400, 90],
+        passes: [130, 400, 70],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2e-3,
