@@ -100,7 +100,7 @@ pub(super) struct Between<'a> {
 
 /// Most segments of a shutter.
 const MOST_SEGMENTS: usize = 16;
-/// Most leaves of all segments of a mesh together (some 3 GB).
+/// Most leaves of all segments of a mesh together (some 4 GB).
 const MOST_LEAVES: usize = 1 << 28;
 /// Twice the segments must leave at most this share of the triangles tested per ray.
 const WORTHWHILE: f64 = 0.65;
