@@ -321,7 +321,8 @@ impl Deforming {
             bounds.0 = bounds.0.min(vec(*p));
             bounds.1 = bounds.1.max(vec(*p));
         }
-        let mut whole = Keyed::cut(&keys(&frames, &triangles), shutter, 1);
+        let extent = mesh::extent(bounds);
+        let mut whole = Keyed::cut(&keys(&frames, &triangles), shutter, extent, 1);
         sort(&mut whole[0].order, &mut triangles, &mut frames, &mut uvs);
         let keys = keys(&frames, &triangles);
         let attributes = (keys[0].normals.is_some() || uvs.is_some()).then_some(Attributes {
@@ -335,7 +336,7 @@ impl Deforming {
                 segments: whole,
             },
             attributes,
-            extent: mesh::extent(bounds),
+            extent,
             bounds,
         };
         mesh.choose_segments();
@@ -354,7 +355,7 @@ impl Deforming {
         let count = |mesh: &Self| mesh.corners.segments.len();
         while count(self) < MOST_SEGMENTS && 2 * count(self) * self.corners.len() <= MOST_LEAVES {
             let Keyed { keys, shutter, .. } = &self.corners;
-            let finer = Keyed::cut(keys, *shutter, 2 * count(self));
+            let finer = Keyed::cut(keys, *shutter, self.extent, 2 * count(self));
             let coarser = std::mem::replace(&mut self.corners.segments, finer);
             let after = self.tests_per_ray();
             if after > WORTHWHILE * tests {
@@ -390,23 +391,19 @@ impl Deforming {
 }
 
 impl Keyed {
-    /// Trees over `count` equal parts of the shutter.
-    fn cut(keys: &[Key], shutter: Shutter, count: usize) -> Vec<Segment> {
-        let largest = |key: &Key| {
-            let corners = key.triangles.iter().flatten().flatten();
-            corners.fold(0.0, |most: f32, x| most.max(x.abs()))
-        };
-        let rounding = f64::from(keys.iter().map(largest).fold(0.0, f32::max) * f32::EPSILON);
+    /// Trees over `count` equal parts of the shutter; no coordinate is beyond `extent`.
+    fn cut(keys: &[Key], shutter: Shutter, extent: f64, count: usize) -> Vec<Segment> {
+        let rounding = extent * f64::from(f32::EPSILON);
         (0..count)
             .map(|i| {
                 let at = |i: usize| shutter.at(i as f64 / count as f64);
-                let [a, b] = [at(i), at(i + 1)];
+                let (a, b) = (at(i), at(i + 1));
                 let times = keys.iter().map(|key| key.time_s);
                 let inner: Vec<f64> = times.filter(|t| *t > a && *t < b).collect();
                 let ends = |prim: usize| {
-                    let box_at = |t| box_at(keys, prim as u32, t, rounding);
-                    let inner = inner.iter().map(|t| ((t - a) / (b - a), box_at(*t)));
-                    holding([a, b].map(box_at), inner)
+                    let at = |t| box_at(keys, prim as u32, t, rounding);
+                    let inner = inner.iter().map(|t| ((t - a) / (b - a), at(*t)));
+                    holding([a, b].map(at), inner)
                 };
                 let count = keys[0].triangles.len();
                 let (tree, order) = MovingTree::build(count, tree::LEAF_LIMIT, ends);

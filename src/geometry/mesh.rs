@@ -40,7 +40,7 @@ pub(super) trait Corners {
 
 /// Corners of the triangles of a mesh at one moment.
 pub(super) trait CornersAt: Copy {
-    /// Boxes of the tree over the triangles.
+    /// Kind of boxes that the tree over the triangles has.
     type Boxes: Boxes;
 
     /// The corners of triangle `prim`, counter-clockwise seen from outside.
@@ -52,7 +52,7 @@ pub(super) trait CornersAt: Copy {
     /// The normal at a vertex (not of unit length), where the mesh has normals.
     fn normal(self, vertex: usize) -> Option<DVec3>;
 
-    /// The tree over the triangles.
+    /// The boxes of the tree over the triangles.
     fn boxes(self) -> Self::Boxes;
 
     /// The triangle of a leaf of the tree.

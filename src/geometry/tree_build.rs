@@ -5,7 +5,7 @@
 
 use super::moving_tree::{MOVING_PADDING, MovingTree};
 use super::tree::{Node, PADDING, Tree, WIDTH, pending};
-use glam::{DVec3, Vec3A};
+use glam::DVec3;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::leaf_collapser::collapse;
@@ -25,33 +25,24 @@ const BINARY_COST: f32 = 3.0;
 /// Cost of a test of a box's content, in visits of a wide node.
 const TEST_COST: f32 = 0.3;
 
-/// Lower and upper corner.
-type Corners = (DVec3, DVec3);
-
 impl Tree {
     /// The tree over `count` boxes (1..2^29), at most `leaf_size` (1..=4) to a leaf, and the order
     /// in which its queries number them: the i-th is box `order[i]`.
     pub fn build(
         count: usize,
         leaf_size: usize,
-        bounds: impl Fn(usize) -> Corners,
+        bounds: impl Fn(usize) -> (DVec3, DVec3),
     ) -> (Self, Vec<u32>) {
         let mut tree = Self::over((0..count).map(&bounds));
         let padded = |i: usize| tree.padded(bounds(i), PADDING, i);
         let binary = binary_tree(count, leaf_size, padded);
-        let ([nodes], order) = wide_nodes(
-            &binary,
-            [&|node| {
-                let node: &Bvh2Node = &binary.nodes[node];
-                (node.min.into(), node.max.into())
-            }],
-        );
+        let ([nodes], order) = wide_nodes(&binary, [&|node| *binary.nodes[node].aabb()]);
         tree.set(nodes);
         (tree, order)
     }
 
     /// A tree without nodes whose frame holds these boxes.
-    fn over(boxes: impl Iterator<Item = Corners>) -> Self {
+    fn over(boxes: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
         let (low, high) = boxes
             .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
             .unwrap_or_default();
@@ -73,13 +64,13 @@ impl Tree {
     }
 
     /// Box `i` in the frame of the tree.
-    fn padded(&self, (low, high): Corners, padding: f64, i: usize) -> (Vec3A, Vec3A) {
+    fn padded(&self, (low, high): (DVec3, DVec3), padding: f64, i: usize) -> Aabb {
         // Unequal padding tells coincident boxes apart, of which the builder would pair one at a
         // time.
         let pad = padding * (1.0 + (i as f64 * 0.618_033_988_749_894_9).fract());
         let frame = |p: DVec3| (p - self.center) * self.inv_scale;
         let (low, high) = (frame(low) - pad, frame(high) + pad);
-        (low.as_vec3a(), high.as_vec3a())
+        Aabb::new(low.as_vec3a(), high.as_vec3a())
     }
 }
 
@@ -89,36 +80,37 @@ impl MovingTree {
     pub fn build(
         count: usize,
         leaf_size: usize,
-        ends: impl Fn(usize) -> [Corners; 2],
+        ends: impl Fn(usize) -> [(DVec3, DVec3); 2],
     ) -> (Self, Vec<u32>) {
         let mut tree = Tree::over((0..count).flat_map(&ends));
-        let padded = |i: usize| ends(i).map(|corners| tree.padded(corners, MOVING_PADDING, i));
+        let padded = |i: usize| ends(i).map(|bounds| tree.padded(bounds, MOVING_PADDING, i));
         let binary = binary_tree(count, leaf_size, |i| {
             let [a, b] = padded(i);
-            (0.5 * (a.0 + b.0), 0.5 * (a.1 + b.1))
+            Aabb::new(0.5 * (a.min + b.min), 0.5 * (a.max + b.max))
         });
-        let [from, to] = [0, 1].map(|end| refitted(&binary, |i| padded(i)[end]));
-        let ([nodes, ends], order) = wide_nodes(&binary, [&|node| from[node], &|node| to[node]]);
+        let boxes = refitted(&binary, padded);
+        let ([nodes, ends], order) =
+            wide_nodes(&binary, [&|node| boxes[node][0], &|node| boxes[node][1]]);
         tree.set(nodes);
         (Self { tree, ends }, order)
     }
 }
 
-/// The boxes of the nodes of a binary tree, over others than it was built for.
-fn refitted(binary: &Bvh2, bounds: impl Fn(usize) -> (Vec3A, Vec3A)) -> Vec<(Vec3A, Vec3A)> {
-    let mut out = vec![(Vec3A::INFINITY, Vec3A::NEG_INFINITY); binary.nodes.len()];
+/// The boxes of the nodes of a binary tree, over others than it was built for: at both ends of a
+/// motion.
+fn refitted(binary: &Bvh2, bounds: impl Fn(usize) -> [Aabb; 2]) -> Vec<[Aabb; 2]> {
+    let union = |[a, b]: [Aabb; 2], [c, d]: [Aabb; 2]| [a.union(&c), b.union(&d)];
+    let mut out = vec![[Aabb::empty(); 2]; binary.nodes.len()];
     for index in parents_first(&binary.nodes).into_iter().rev() {
         let node = &binary.nodes[index as usize];
         let first = node.first_index as usize;
-        let parts: Vec<(Vec3A, Vec3A)> = if node.is_leaf() {
+        out[index as usize] = if node.is_leaf() {
             let prims = &binary.primitive_indices[first..first + node.prim_count as usize];
-            prims.iter().map(|&prim| bounds(prim as usize)).collect()
+            let boxes = prims.iter().map(|&prim| bounds(prim as usize));
+            boxes.fold(out[index as usize], union)
         } else {
-            out[first..first + 2].to_vec()
+            union(out[first], out[first + 1])
         };
-        out[index as usize] = parts
-            .into_iter()
-            .fold(out[index as usize], |a, b| (a.0.min(b.0), a.1.max(b.1)));
     }
     out
 }
@@ -127,7 +119,7 @@ fn refitted(binary: &Bvh2, bounds: impl Fn(usize) -> (Vec3A, Vec3A)) -> Vec<(Vec
 /// order of the boxes in their leaves.
 fn wide_nodes<const N: usize>(
     binary: &Bvh2,
-    boxes: [&dyn Fn(usize) -> (Vec3A, Vec3A); N],
+    boxes: [&dyn Fn(usize) -> Aabb; N],
 ) -> ([Vec<Node>; N], Vec<u32>) {
     let costs = costs(&binary.nodes);
     let mut nodes = [(); N].map(|()| vec![Node::EMPTY]);
@@ -140,8 +132,8 @@ fn wide_nodes<const N: usize>(
         cut(&binary.nodes, &costs, root, WIDTH, true, &mut members);
         for (nodes, bounds) in nodes.iter_mut().zip(&boxes) {
             let member = |&member: &usize| {
-                let (low, high) = bounds(member);
-                (low, high, binary.nodes[member].prim_count as usize)
+                let Aabb { min, max } = bounds(member);
+                (min, max, binary.nodes[member].prim_count as usize)
             };
             nodes[index] = Node::new(members.iter().map(member), count, order.len());
         }
@@ -165,14 +157,13 @@ fn wide_nodes<const N: usize>(
     (nodes, order)
 }
 
-fn binary_tree(count: usize, leaf_size: usize, bounds: impl Fn(usize) -> (Vec3A, Vec3A)) -> Bvh2 {
+fn binary_tree(count: usize, leaf_size: usize, bounds: impl Fn(usize) -> Aabb) -> Bvh2 {
     let mut tree = Bvh2::zeroed(count);
     let mut total = Aabb::empty();
     let mut builder = PlocBuilder::new();
     builder.current_nodes = (0..count)
         .map(|i| {
-            let (low, high) = bounds(i);
-            let bounds = Aabb::new(low, high);
+            let bounds = bounds(i);
             total = total.union(&bounds);
             Bvh2Node::new(bounds, 1, i as u32)
         })
