@@ -2,8 +2,10 @@
 
 use super::mesh::{self, Attributes, Corners, CornersAt, MeshError, TriangleMesh};
 use super::mesh::{bounds, check, vec, winding_normal};
+use super::ray::LocalRay;
 use super::tree::{self, Tree};
 use super::triangles::{Triangle, Triangles};
+use super::{InstanceId, Placement, Ray};
 use crate::math::predicates::TriangleFilter;
 use glam::DVec3;
 
@@ -161,6 +163,30 @@ impl Mesh {
             attributes.indices.iter_mut().for_each(|t| t.swap(1, 2));
         }
         mesh
+    }
+
+    /// The first triangle of the mesh, as instance `id` under `placement`, that a ray hits, and the
+    /// distance.
+    #[must_use]
+    pub fn first_hit(
+        &self,
+        id: InstanceId,
+        placement: &Placement,
+        ray: &Ray,
+    ) -> Option<(f64, u32)> {
+        let to_object = &placement.to_object;
+        let local = LocalRay::new(ray, id, to_object, ray.t_max, self.extent());
+        let (t, prim, _) = self.closest(&local, 0.0)?;
+        Some((t, prim))
+    }
+
+    /// Normals at the vertices of triangle `prim`, not of unit length; `None` where the mesh has
+    /// none.
+    #[must_use]
+    pub fn vertex_normals(&self, prim: u32) -> Option<[DVec3; 3]> {
+        let normals = self.corners.normals.as_ref()?;
+        let of = |v: u32| vec(normals[v as usize]);
+        Some(self.attributes.as_ref()?.indices[prim as usize].map(of))
     }
 
     /// Number of triangles without area that were dropped.

@@ -3,15 +3,17 @@
 //! A chain runs from the light to the sensor and names each surface, whether it reflects or
 //! transmits, and the media on both sides of it. Listed are single mirrors and interfaces, balls
 //! crossed in one or two chords, reflections around the inside of a mirror, lenses of few surfaces,
-//! and flat faces in a row: those of boxes, quads and disks, and the facets of meshes.
+//! meshes with interpolated normals, and flat faces in a row: those of boxes, quads and disks, and
+//! the facets of meshes.
 
-use super::{Scene, probe};
-use crate::geometry::{AccelAt, Facets, InstanceId, Mesh, Placement, Placements, Shape, SurfaceId};
+mod face;
+
+use super::Scene;
+use crate::geometry::{Facets, InstanceId, Mesh, Placements, Shape, SurfaceId};
 use crate::medium::{Medium, MediumId};
-use crate::optics::{LensSurface, Profile};
 use crate::spectrum::ior::LINE_D_NM;
 use arrayvec::ArrayVec;
-use glam::{DVec2, DVec3};
+use face::{Face, FaceShape, Sample, facet_samples, mesh_samples, samples};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -24,8 +26,6 @@ const MOST_GROUPS: usize = 2;
 /// Most faces looked at, and most of one mesh.
 const MOST_FACES: usize = 256;
 const MOST_FACETS: usize = 64;
-/// Triangles of a facet that are looked at.
-const SAMPLED_TRIANGLES: usize = 8;
 
 /// A specular vertex of a kind of chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,181 +66,8 @@ pub struct Chains {
     left_out: usize,
     /// Facets of meshes, by instance.
     facets: Vec<(InstanceId, Arc<Facets>)>,
-}
-
-/// A point on a face with its normal, in object space, and the triangle or other part it is on.
-type Sample = (DVec3, DVec3, u32);
-
-/// A face with what it can do.
-struct Face {
-    id: SurfaceId,
-    shape: FaceShape,
-    reflects: bool,
-    transmits: bool,
-    media: Vec<[MediumId; 2]>,
-    /// Points on it, in the world, and its normal at the first.
-    points: Vec<DVec3>,
-    normal: DVec3,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum FaceShape {
-    Flat,
-    Ball,
-    Tube,
-    Lens,
-}
-
-/// Points of a facet.
-fn facet_samples(mesh: &Mesh, triangles: &[u32]) -> Vec<Sample> {
-    let of = |&prim: &u32| {
-        let [a, b, c] = mesh.corners(prim, 0.0);
-        let (middle, n) = ((a + b + c) / 3.0, mesh.geometric_normal(prim, 0.0));
-        let near = [a, b, c].map(|corner| middle.lerp(corner, 0.9));
-        [middle, near[0], near[1], near[2]].map(|p| (p, n, prim))
-    };
-    let some = triangles.iter().take(SAMPLED_TRIANGLES);
-    some.flat_map(of).collect()
-}
-
-/// Points of face `prim` of other shapes.
-fn samples(shape: &Shape, prim: u32) -> Vec<Sample> {
-    let points = points(shape, prim).into_iter();
-    points.map(|(p, n)| (p, n, prim)).collect()
-}
-
-/// Points of face `prim` with their normals.
-fn points(shape: &Shape, prim: u32) -> Vec<(DVec3, DVec3)> {
-    let square = [
-        (0.0, 0.0),
-        (0.9, 0.9),
-        (-0.9, 0.9),
-        (0.9, -0.9),
-        (-0.9, -0.9),
-    ];
-    let round = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)];
-    match shape {
-        Shape::Sphere => [1.0, -1.0]
-            .into_iter()
-            .flat_map(|s| DVec3::AXES.map(|a| (a * s, a * s)))
-            .collect(),
-        Shape::Cylinder => [-0.9, 0.9]
-            .into_iter()
-            .flat_map(|z| round.map(|(x, y)| (DVec3::new(x, y, z), DVec3::new(x, y, 0.0))))
-            .collect(),
-        Shape::Quad => square
-            .map(|(x, y)| (DVec3::new(x, y, 0.0), DVec3::Z))
-            .into(),
-        Shape::Disk { inner } => {
-            let r = 0.5 * (inner + 1.0);
-            round
-                .map(|(x, y)| (DVec3::new(x, y, 0.0) * r, DVec3::Z))
-                .into()
-        }
-        Shape::Box => {
-            let Some(n) = shape.face_normal(prim) else {
-                return Vec::new();
-            };
-            let (u, v) = n.any_orthonormal_pair();
-            square.map(|(x, y)| (n + u * x + v * y, n)).into()
-        }
-        // aspheric surfaces have no solver
-        Shape::Lens(lens) if matches!(lens.surface().profile, Profile::Conic { .. }) => {
-            let LensSurface {
-                profile, aperture, ..
-            } = lens.surface();
-            let r = 0.5 * aperture.extent();
-            round
-                .map(|(x, y)| {
-                    let p = aperture.center + DVec2::new(x, y) * r;
-                    let [z, zx, zy] = profile.sag_and_slopes(p.x, p.y);
-                    (p.extend(z), DVec3::new(-zx, -zy, 1.0).normalize())
-                })
-                .into()
-        }
-        Shape::Mesh(_) | Shape::Deforming(_) | Shape::Lens(_) => Vec::new(),
-    }
-}
-
-impl Face {
-    fn new(
-        scene: &Scene,
-        geometry: &AccelAt,
-        id: SurfaceId,
-        [reflects, transmits]: [bool; 2],
-        samples: &[Sample],
-        placement: &Placement,
-    ) -> Option<Self> {
-        let object = scene.object(id.instance);
-        let shape = &geometry.accel().instance(id.instance).shape;
-        let world = |&(p, n, prim): &Sample| {
-            (
-                placement.to_world.transform_point3(p),
-                placement.normal_to_world(n),
-                prim,
-            )
-        };
-        let points: Vec<Sample> = samples.iter().map(world).collect();
-        let mut media: Vec<[MediumId; 2]> = Vec::new();
-        for &(p, n, prim) in &points {
-            let (ambient, on) = (MediumId::AMBIENT, SurfaceId { prim, ..id });
-            let Some(above) = probe::stack_at(geometry, &scene.objects, p, n, Some(on), ambient)
-            else {
-                continue;
-            };
-            let Some(below) = above.crossed(object.boundary, id.instance, true) else {
-                continue;
-            };
-            let pair = [above.medium(), below.medium()];
-            if !media.contains(&pair) {
-                media.push(pair);
-            }
-        }
-        Some(Self {
-            id,
-            shape: match shape {
-                Shape::Sphere => FaceShape::Ball,
-                Shape::Cylinder => FaceShape::Tube,
-                Shape::Lens(_) => FaceShape::Lens,
-                _ => FaceShape::Flat,
-            },
-            reflects,
-            transmits,
-            media,
-            normal: points.first()?.1,
-            points: points.into_iter().map(|p| p.0).collect(),
-        })
-    }
-
-    /// Every way to be a vertex of a chain under one label.
-    fn links(&self, transmits: bool) -> impl Iterator<Item = ChainLink> {
-        let can = if transmits {
-            self.transmits
-        } else {
-            self.reflects
-        };
-        let bends = move |m: &&[MediumId; 2]| !transmits || m[0] != m[1];
-        let pairs = self.media.iter().filter(bends).filter(move |_| can);
-        pairs.flat_map(move |&media| {
-            [true, false].map(|from_above| ChainLink {
-                id: self.id,
-                transmits,
-                from_above,
-                media,
-            })
-        })
-    }
-
-    /// Whether light can go from this flat face, left on the side `above`, straight to a point of
-    /// another one that meets it on the side `met_above`.
-    fn faces(&self, above: bool, other: &Self, met_above: bool) -> bool {
-        let is_before = |from: &Self, p: &DVec3, above: bool| {
-            let height = (*p - from.points[0]).dot(from.normal);
-            if above { height > 0.0 } else { height < 0.0 }
-        };
-        other.points.iter().any(|p| is_before(self, p, above))
-            && self.points.iter().any(|p| is_before(other, p, met_above))
-    }
+    /// Instances of meshes that are one smooth face.
+    smooth: Vec<InstanceId>,
 }
 
 impl Chains {
@@ -252,6 +79,7 @@ impl Chains {
         let geometry = scene.at(opening, &mut placements).geometry;
         let mut faces = Vec::new();
         let mut facets: Vec<(InstanceId, Arc<Facets>)> = Vec::new();
+        let mut smooth = Vec::new();
         let mut known: HashMap<*const Mesh, Option<Arc<Facets>>> = HashMap::new();
         for (i, instance) in scene.accel.instances().iter().enumerate() {
             let object = &scene.objects[i];
@@ -264,8 +92,9 @@ impl Chains {
             };
             let placement = instance.transform.at(geometry.moment());
             let of = InstanceId(i as u32);
-            let mut add = |prim: u32, samples: &[Sample]| {
+            let mut add = |prim: u32, samples: &[Sample], is_smooth: bool| {
                 let id = SurfaceId { instance: of, prim };
+                let samples = (samples, is_smooth);
                 faces.extend(Face::new(scene, &geometry, id, labels, samples, &placement));
             };
             match &instance.shape {
@@ -274,13 +103,18 @@ impl Chains {
                     let found = known.entry(Arc::as_ptr(mesh)).or_insert_with(of_mesh);
                     if let Some(found) = found {
                         for triangles in found.all() {
-                            add(triangles[0], &facet_samples(mesh, triangles));
+                            add(triangles[0], &facet_samples(mesh, triangles), false);
                         }
                         facets.push((of, Arc::clone(found)));
+                    } else if mesh.vertex_normals(0).is_some() {
+                        add(0, &mesh_samples(mesh), true);
+                        smooth.push(of);
                     }
                 }
-                Shape::Box => (0..6).for_each(|prim| add(prim, &samples(&instance.shape, prim))),
-                shape => add(0, &samples(shape, 0)),
+                Shape::Box => {
+                    (0..6).for_each(|prim| add(prim, &samples(&instance.shape, prim), false));
+                }
+                shape => add(0, &samples(shape, 0), false),
             }
             if faces.len() >= MOST_FACES {
                 break;
@@ -288,6 +122,7 @@ impl Chains {
         }
         let mut chains = Self {
             facets,
+            smooth,
             ..Self::default()
         };
         chains.singles(&faces);
@@ -330,14 +165,23 @@ impl Chains {
         }
     }
 
+    /// Through a ball, with a reflection inside at most; through a smooth mesh once, or twice where
+    /// it is hollow: of inner reflections shooting finds few.
     fn balls(&mut self, faces: &[Face]) {
-        for face in faces.iter().filter(|f| f.shape == FaceShape::Ball) {
+        let is_solid = |f: &&Face| matches!(f.shape, FaceShape::Ball | FaceShape::Smooth);
+        for face in faces.iter().filter(is_solid) {
             for enter in face.links(true).filter(|l| l.from_above) {
                 for leave in face.links(true).filter(|l| !l.from_above) {
                     if enter.after() != leave.before() || enter.before() != leave.after() {
                         continue;
                     }
                     self.push(ChainKind::from_iter([enter, leave]));
+                    if face.shape == FaceShape::Smooth {
+                        if leave.after() == enter.before() {
+                            self.push(ChainKind::from_iter([enter, leave, enter, leave]));
+                        }
+                        continue;
+                    }
                     let inner = |l: &ChainLink| !l.from_above && l.before() == enter.after();
                     for turn in face.links(false).filter(inner) {
                         self.push(ChainKind::from_iter([enter, turn, leave]));
@@ -467,6 +311,7 @@ impl Chains {
                 prim: facets.first(id.prim),
                 ..id
             },
+            None if self.smooth.binary_search(&id.instance).is_ok() => SurfaceId { prim: 0, ..id },
             None => id,
         }
     }

@@ -87,6 +87,14 @@ fn lens() -> String {
     [&BALL[..ball], lens, &BALL[lamp..]].concat()
 }
 
+/// A coarse mesh in place of it, whose normals are interpolated.
+fn pebble() -> String {
+    with_shape(
+        r#"mesh = { obj = "assets/smooth_sphere.obj" }
+    transform = [{ scale = [1.2, 0.5, 0.9] }, { translate = [0, 1.2, 0] }]"#,
+    )
+}
+
 /// A glass block in place of it, as a box or as a mesh.
 fn block(shape: &str) -> String {
     with_shape(&format!(
@@ -141,6 +149,7 @@ fn chains_that_may_be_missed_agree_with_joins() {
     let cases = [
         ("ellipsoid", flat(), &["LSSDE", "LDSSE"][..]),
         ("lens", lens(), &["LSSDE"][..]),
+        ("mesh", pebble(), &["LSSDE", "LDSSE"][..]),
     ];
     for (what, text, classes) in cases {
         let (scene, settings) = scene(&text);

@@ -211,6 +211,6 @@ pub(super) fn solve(
                 found(&chain.iter().enumerate().map(lift).collect());
             });
         }
-        Surface::Plane { .. } | Surface::Quadric(_) => {}
+        _ => {}
     }
 }

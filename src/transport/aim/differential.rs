@@ -26,7 +26,7 @@ impl Differential {
         }
     }
 
-    /// To the surface at `distance`, whose normal is `n`.
+    /// To the surface at `distance`, whose own normal is `n`.
     pub fn advance(&mut self, distance: f64, n: DVec3) {
         let d = self.direction;
         for (p, turn) in self.p.iter_mut().zip(self.d) {
@@ -61,8 +61,8 @@ impl Differential {
 
 /// `|dω_b/dA_a|` with the area perpendicular to the chain's segment at x_a: solid angle at x_b =
 /// `to` per area at x_a = `far` through the chain; per solid angle where x_a is infinitely far
-/// away. Steradians per square meter. Not finite where the chain is on a fold. [theory (9.2),
-/// (9.3)]
+/// away. Steradians per square meter. Not finite where the chain is on a fold. Surfaces are
+/// triangles where they were meshes. [theory (9.2), (9.3)]
 #[must_use]
 pub fn jacobian(bounces: &[Bounce], points: &[DVec3], eta: &[f64], far: &Far, to: DVec3) -> f64 {
     let m = points.len();
@@ -71,7 +71,7 @@ pub fn jacobian(bounces: &[Bounce], points: &[DVec3], eta: &[f64], far: &Far, to
     let mut origin = to;
     for i in (0..m).rev() {
         let (p, bounce) = (points[i], &bounces[i]);
-        let normal = bounce.surface.normal(p);
+        let normal = bounce.surface.face_normal(p);
         let next = match i.checked_sub(1) {
             Some(before) => unit(p, points[before]),
             None => far.direction_from(p),

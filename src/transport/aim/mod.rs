@@ -9,7 +9,8 @@
 //! Planes: Fermat's path length is convex in the positions on them. Spheres: a chain lies in the
 //! plane of its end points and the center, where one number decides it. Mirrors that are circles in
 //! cross-section: Alhazen's problem, a quartic; inside, several reflections by one number again.
-//! Any other surface of the second degree: shooting, which has to be asked what it finds.
+//! Any other surface of the second degree, and meshes with interpolated normals: shooting, which
+//! has to be asked what it finds.
 
 mod around;
 pub mod ball;
@@ -20,6 +21,7 @@ pub mod planes;
 pub mod quadric;
 mod roots;
 mod shooting;
+pub mod smooth;
 pub mod surface;
 #[cfg(test)]
 mod tests;
@@ -34,6 +36,9 @@ pub use crate::scene::chains::MAX_CHAIN;
 
 /// Positions of the specular vertices, from the light to the sensor.
 pub type Points = ArrayVec<DVec3, MAX_CHAIN>;
+
+/// Triangles of meshes that the specular vertices lie on; 0 where a surface is none.
+pub type Prims = ArrayVec<u32, MAX_CHAIN>;
 
 /// The end of a chain on the light side, x_a.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,31 +62,43 @@ impl Far {
 
 /// A specular vertex of a chain.
 #[derive(Clone, Copy, Debug)]
-pub struct Bounce {
+pub struct Bounce<'s> {
     /// Surface that it lies on.
-    pub surface: Surface,
+    pub surface: Surface<'s>,
     /// Transmits; else reflects.
     pub transmits: bool,
     /// The segment on the light side is on the side that the normal points to.
     pub from_above: bool,
 }
 
-impl Bounce {
+impl Bounce<'_> {
     /// Whether the segment on the sensor side is on the side that the normal points to.
     #[must_use]
     pub fn to_above(&self) -> bool {
         self.from_above != self.transmits
     }
 
+    /// The same where the chain is known to lie on triangle `prim`, if the surface is a mesh.
+    #[must_use]
+    pub fn at(&self, prim: u32) -> Self {
+        Self {
+            surface: self.surface.at(prim),
+            ..*self
+        }
+    }
+
     /// Whether unit directions towards both neighbors are on the sides that the label says.
     fn has_sides(&self, p: DVec3, toward_light: DVec3, toward_sensor: DVec3) -> bool {
-        let n = self.surface.normal(p);
+        let normals = [self.surface.normal(p), self.surface.face_normal(p)];
         let is_side = |w: DVec3, above: bool| {
-            if above {
-                w.dot(n) > 0.0
-            } else {
-                w.dot(n) < 0.0
-            }
+            let is_there = |n: DVec3| {
+                if above {
+                    w.dot(n) > 0.0
+                } else {
+                    w.dot(n) < 0.0
+                }
+            };
+            normals.into_iter().all(is_there)
         };
         is_side(toward_light, self.from_above) && is_side(toward_sensor, self.to_above())
     }
@@ -105,7 +122,7 @@ pub fn is_solvable(bounces: &[Bounce], eta: &[f64]) -> bool {
     match bounces {
         [only] => match only.surface {
             Surface::Cylinder { .. } => !only.transmits,
-            Surface::Plane { .. } | Surface::Sphere { .. } | Surface::Quadric(_) => true,
+            _ => true,
         },
         [first, inner @ .., last] => {
             matches!(first.surface, Surface::Sphere { .. })
@@ -126,7 +143,13 @@ pub fn is_solvable(bounces: &[Bounce], eta: &[f64]) -> bool {
 /// Whether the solver of these shapes finds every chain.
 #[must_use]
 pub fn is_complete(bounces: &[Bounce]) -> bool {
-    !(bounces.iter()).any(|b| matches!(b.surface, Surface::Quadric(_)))
+    let is_shot = |b: &Bounce| {
+        matches!(
+            b.surface,
+            Surface::Quadric(_) | Surface::Mesh(_) | Surface::Triangle(_)
+        )
+    };
+    !bounces.iter().any(is_shot)
 }
 
 /// Whether a chain is reflected inside one sphere or cylinder alone.
@@ -135,26 +158,29 @@ fn is_around(bounces: &[Bounce]) -> bool {
     !matches!(bounces[0].surface, Surface::Plane { .. }) && bounces.iter().all(inside)
 }
 
-/// Calls `found` with every chain between `far` and `to`. Facets are as large as their planes;
-/// whether a chain lies on them is for the caller to see. Nothing where [`is_solvable`] says no.
+/// Calls `found` with every chain between `far` and `to`, and the triangles that it lies on. Facets
+/// are as large as their planes; whether a chain lies on them is for the caller to see. Nothing
+/// where [`is_solvable`] says no.
 pub fn solve(
     bounces: &[Bounce],
     eta: &[f64],
     far: &Far,
     to: DVec3,
-    mut found: impl FnMut(&Points),
+    mut found: impl FnMut(&Points, &Prims),
 ) {
     if !is_solvable(bounces, eta) {
         return;
     }
-    let mut checked = |points: &Points| {
-        if has_sides(bounces, points, far, to) {
-            found(points);
+    let mut on = |points: &Points, prims: &Prims| {
+        if has_sides(bounces, (points, prims), far, to) {
+            found(points, prims);
         }
     };
     if !is_complete(bounces) {
-        return shooting::solve(bounces, eta, far, to, checked);
+        return shooting::solve(bounces, eta, far, to, on);
     }
+    let whole: Prims = bounces.iter().map(|_| 0).collect();
+    let mut checked = |points: &Points| on(points, &whole);
     match (bounces, bounces[0].surface) {
         (_, Surface::Plane { .. }) => {
             if let Some(points) = planes::solve(bounces, eta, far, to) {
@@ -179,18 +205,18 @@ pub fn solve(
                 _ => ball.across(eta[1] / eta[0], bounces.len() - 1, far, to, checked),
             }
         }
-        (_, Surface::Cylinder { .. } | Surface::Quadric(_)) => {}
+        _ => {}
     }
 }
 
 /// Whether every vertex has its neighbors on the sides that its label says.
-fn has_sides(bounces: &[Bounce], points: &Points, far: &Far, to: DVec3) -> bool {
+fn has_sides(bounces: &[Bounce], (points, prims): (&Points, &Prims), far: &Far, to: DVec3) -> bool {
     points.iter().zip(bounces).enumerate().all(|(i, (&p, b))| {
         let toward_light = match i.checked_sub(1) {
             Some(before) => points[before] - p,
             None => far.direction_from(p),
         };
         let toward_sensor = points.get(i + 1).copied().unwrap_or(to) - p;
-        b.has_sides(p, toward_light, toward_sensor)
+        b.at(prims[i]).has_sides(p, toward_light, toward_sensor)
     })
 }

@@ -1,6 +1,7 @@
 //! Faces of the scene as surfaces that chains are solved for.
 
 use super::quadric::Quadric;
+use super::smooth::Smooth;
 use super::surface::Surface;
 use crate::geometry::{Facets, Instance, Placement, Shape, SurfaceId};
 use crate::optics::{LensSurface, Profile};
@@ -11,11 +12,17 @@ const SIMILAR: f64 = 1e-12;
 /// Distance from a lens surface, in units of its aperture, up to which a point is on it.
 const ON_SHEET: f64 = 1e-6;
 
-impl Surface {
-    /// Face `prim` of an instance under `placement`; `None` where its shape is none of these: a
-    /// mesh that deforms, an aspheric surface.
+impl<'s> Surface<'s> {
+    /// Face `id` of an instance under `placement`, of a mesh with `facets` the plane of one; `None`
+    /// where its shape is none of these: a mesh that deforms, an aspheric surface.
     #[must_use]
-    pub fn of(instance: &Instance, prim: u32, placement: &Placement) -> Option<Self> {
+    pub fn of(
+        instance: &'s Instance,
+        facets: Option<&Facets>,
+        id: SurfaceId,
+        placement: &Placement,
+    ) -> Option<Self> {
+        let prim = id.prim;
         let to_world = placement.to_world;
         let columns = to_world.matrix3;
         let [x, y, z] = [columns.x_axis, columns.y_axis, columns.z_axis];
@@ -70,6 +77,9 @@ impl Surface {
                 _ => None,
             },
             Shape::Mesh(ref mesh) => {
+                if facets.is_none() {
+                    return Some(Self::Mesh(Smooth::new(mesh, id.instance, *placement)));
+                }
                 let [corner, ..] = mesh.corners(prim, 0.0);
                 Some(Self::Plane {
                     origin: to_world.transform_point3(corner),
@@ -81,15 +91,15 @@ impl Surface {
     }
 }
 
-/// The face that a point of the surface lies on, which may be smaller than the surface: `id`, or
-/// another triangle of its facet; `None` beside it.
+/// The face that a point of the surface lies on, which may be smaller than the surface: `id`,
+/// another triangle of its facet, or `prim`, that it was found on; `None` beside it.
 #[must_use]
 pub fn face_at(
     instance: &Instance,
     facets: Option<&Facets>,
     id: SurfaceId,
     placement: &Placement,
-    p: DVec3,
+    (p, prim): (DVec3, u32),
 ) -> Option<SurfaceId> {
     let q = placement.to_object.transform_point3(p);
     let is_on = match instance.shape {
@@ -112,7 +122,10 @@ pub fn face_at(
             aperture.contains(q.x, q.y) && off <= ON_SHEET * aperture.extent()
         }
         Shape::Mesh(ref mesh) => {
-            let prim = facets?.at(mesh, id.prim, q)?;
+            let prim = match facets {
+                Some(facets) => facets.at(mesh, id.prim, q)?,
+                None => prim,
+            };
             return Some(SurfaceId { prim, ..id });
         }
         Shape::Deforming(_) => false,

@@ -7,7 +7,7 @@
 
 use super::differential::Differential;
 use super::surface::Surface;
-use super::{Bounce, Far, MAX_CHAIN, Points};
+use super::{Bounce, Far, MAX_CHAIN, Points, Prims};
 use arrayvec::ArrayVec;
 use glam::{DMat3, DVec3};
 
@@ -27,6 +27,7 @@ const SAME: f64 = 1e-6;
 /// A ray that was shot through a chain.
 struct Shot {
     points: Points,
+    prims: Prims,
     /// By how much it misses the light's end, perpendicular to it.
     miss: DVec3,
     /// Derivatives of where it passes by the two angles at its start.
@@ -41,17 +42,17 @@ pub(super) fn solve(
     eta: &[f64],
     far: &Far,
     to: DVec3,
-    mut found: impl FnMut(&Points),
+    mut found: impl FnMut(&Points, &Prims),
 ) {
     let mut known: ArrayVec<DVec3, MOST_STARTS> = ArrayVec::new();
     for start in starts(bounces, eta, far, to) {
-        let Some(points) = converge(bounces, eta, far, to, start) else {
+        let Some((points, prims)) = converge(bounces, eta, far, to, start) else {
             continue;
         };
         let direction = (points[points.len() - 1] - to).normalize();
         if known.iter().all(|k| k.distance(direction) > SAME) {
             known.push(direction);
-            found(&points);
+            found(&points, &prims);
         }
     }
 }
@@ -71,8 +72,10 @@ fn starts(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3) -> ArrayVec<DVe
         round.solve(bounces, eta, far, to, |p| push(p - to));
     }
     push(far.direction_from(to));
-    if let Surface::Quadric(quadric) = &bounces[bounces.len() - 1].surface {
-        push(quadric.reference() - to);
+    match &bounces[bounces.len() - 1].surface {
+        Surface::Quadric(quadric) => push(quadric.reference() - to),
+        Surface::Mesh(mesh) => push(mesh.reference() - to),
+        _ => {}
     }
     starts
 }
@@ -120,14 +123,20 @@ impl Round {
             Far::Direction(w) => Far::Direction((self.to_round * w).normalize()),
         };
         let back = self.to_round.inverse();
-        super::solve(&bounces, eta, &far, point(to), |points| {
+        super::solve(&bounces, eta, &far, point(to), |points, _| {
             found(self.center + back * points[points.len() - 1]);
         });
     }
 }
 
 /// Newton's method from a direction.
-fn converge(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3, start: DVec3) -> Option<Points> {
+fn converge(
+    bounces: &[Bounce],
+    eta: &[f64],
+    far: &Far,
+    to: DVec3,
+    start: DVec3,
+) -> Option<(Points, Prims)> {
     let mut direction = start;
     let mut shot = shoot(bounces, eta, far, to, direction)?;
     for _ in 0..MOST_STEPS {
@@ -162,7 +171,7 @@ fn converge(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3, start: DVec3)
             break;
         }
     }
-    (shot.miss.length() <= TOLERANCE * shot.length).then_some(shot.points)
+    (shot.miss.length() <= TOLERANCE * shot.length).then_some((shot.points, shot.prims))
 }
 
 /// The two angles that make up for the miss, to first order.
@@ -182,14 +191,18 @@ fn step(shot: &Shot) -> Option<[f64; 2]> {
 /// Traces a ray from the sensor's end; `None` where it leaves the chain.
 fn shoot(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3, start: DVec3) -> Option<Shot> {
     let (mut o, mut d) = (to, start);
-    let mut points = Points::new();
+    let (mut points, mut prims) = (Points::new(), Prims::new());
     let mut ray = Differential::leaving(d);
     let mut length = 0.0;
     for (i, bounce) in bounces.iter().enumerate().rev() {
-        let t = bounce.surface.meet(o, d, bounce.to_above())?;
+        let above = bounce.to_above();
+        let is_left = (bounces.get(i + 1)).is_some_and(|b| b.surface == bounce.surface);
+        let left = prims.last().copied().filter(|_| is_left);
+        let (t, prim) = bounce.surface.meet(o, d, above, left)?;
+        let bounce = &bounce.at(prim);
         let p = bounce.surface.settle(o + d * t);
-        let normal = bounce.surface.normal(p);
-        let n = if bounce.to_above() { normal } else { -normal };
+        let (normal, face) = (bounce.surface.normal(p), bounce.surface.face_normal(p));
+        let n = if above { normal } else { -normal };
         let cos = -d.dot(n);
         if cos <= 0.0 {
             return None;
@@ -204,13 +217,19 @@ fn shoot(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3, start: DVec3) ->
         } else {
             (d + 2.0 * cos * n).normalize()
         };
-        ray.advance(t, normal);
+        // where the two normals disagree about the side, nothing goes on
+        if (next.dot(face) > 0.0) != bounce.from_above {
+            return None;
+        }
+        ray.advance(t, face);
         ray.scatter(bounce, p, [eta[i + 1], eta[i]], next);
         length += t;
         (o, d) = (p, next);
         points.push(p);
+        prims.push(prim);
     }
     points.reverse();
+    prims.reverse();
     Some(match *far {
         Far::Point(x) => {
             let v = x - o;
@@ -221,6 +240,7 @@ fn shoot(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3, start: DVec3) ->
             ray.advance(along, d);
             Shot {
                 points,
+                prims,
                 miss: v - d * along,
                 moves: ray.p,
                 length: length + along,
@@ -233,6 +253,7 @@ fn shoot(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3, start: DVec3) ->
             }
             Shot {
                 points,
+                prims,
                 miss: w - d * along,
                 moves: ray.d,
                 length: 1.0,

@@ -1,11 +1,12 @@
 //! Surfaces that chains are solved for, as if they had no bounds.
 
 use super::quadric::Quadric;
+use super::smooth::{Smooth, SmoothTriangle};
 use glam::DVec3;
 
 /// An unbounded smooth surface. Normals point as those of hits do.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Surface {
+pub enum Surface<'s> {
     /// A plane.
     Plane {
         /// A point on it.
@@ -31,10 +32,24 @@ pub enum Surface {
     },
     /// Any other surface of the second degree.
     Quadric(Quadric),
+    /// A mesh whose normals are interpolated.
+    Mesh(Smooth<'s>),
+    /// One triangle of such a mesh.
+    Triangle(SmoothTriangle),
 }
 
-impl Surface {
-    /// Unit normal at a point of the surface.
+impl Surface<'_> {
+    /// The surface at a vertex of a chain that was found on triangle `prim`, if it is a mesh.
+    #[must_use]
+    pub fn at(self, prim: u32) -> Self {
+        match self {
+            Self::Mesh(mesh) => Self::Triangle(mesh.triangle(prim)),
+            _ => self,
+        }
+    }
+
+    /// Unit normal at a point of the surface, at which light is scattered. None of a mesh, whose
+    /// triangles have theirs.
     #[must_use]
     pub fn normal(&self, p: DVec3) -> DVec3 {
         match self {
@@ -42,6 +57,17 @@ impl Surface {
             Self::Sphere { center, .. } => (p - *center).normalize(),
             Self::Cylinder { center, axis, .. } => (p - *center).reject_from(*axis).normalize(),
             Self::Quadric(quadric) => quadric.normal(p),
+            Self::Triangle(triangle) => triangle.normal(p),
+            Self::Mesh(_) => DVec3::NAN,
+        }
+    }
+
+    /// Unit normal of the surface itself, on the same side.
+    #[must_use]
+    pub fn face_normal(&self, p: DVec3) -> DVec3 {
+        match self {
+            Self::Triangle(triangle) => triangle.face_normal(),
+            _ => self.normal(p),
         }
     }
 
@@ -53,13 +79,19 @@ impl Surface {
             Self::Sphere { radius, .. } => dp / *radius,
             Self::Cylinder { axis, radius, .. } => dp.reject_from(*axis) / *radius,
             Self::Quadric(quadric) => quadric.turn(p, dp),
+            Self::Triangle(triangle) => triangle.turn(p, dp),
+            Self::Mesh(_) => DVec3::NAN,
         }
     }
 
-    /// Distance at which a ray with unit direction meets the surface from the side that the normal
-    /// points to (`above`) or from the other.
+    /// Distance at which a ray with unit direction, which leaves triangle `from` of a mesh, meets
+    /// the surface from the side that the normal points to (`above`) or from the other; and the
+    /// triangle that it meets of a mesh.
     #[must_use]
-    pub fn meet(&self, o: DVec3, d: DVec3, above: bool) -> Option<f64> {
+    pub fn meet(&self, o: DVec3, d: DVec3, above: bool, from: Option<u32>) -> Option<(f64, u32)> {
+        if let Self::Mesh(mesh) = self {
+            return mesh.meet(o, d, above, from);
+        }
         let round = |o: DVec3, d: DVec3, radius: f64| {
             let height = 0.5 * (o.length() - radius) * (o.length() + radius);
             quadratic_root(0.5 * d.length_squared(), o.dot(d), height, above)
@@ -85,8 +117,10 @@ impl Surface {
                 *radius,
             ),
             Self::Quadric(quadric) => quadric.meet(o, d, above),
+            Self::Mesh(_) | Self::Triangle(_) => None,
         }
         .filter(|t| *t > 0.0)
+        .map(|t| (t, 0))
     }
 
     /// Whether a point is on the side that the normal points to; `None` where both are one, or go
@@ -96,7 +130,7 @@ impl Surface {
         match self {
             Self::Plane { origin, normal } => Some((p - *origin).dot(*normal) > 0.0),
             Self::Sphere { center, radius } => Some(p.distance_squared(*center) >= radius * radius),
-            Self::Cylinder { .. } => None,
+            Self::Cylinder { .. } | Self::Mesh(_) | Self::Triangle(_) => None,
             Self::Quadric(quadric) => quadric.is_outside(p),
         }
     }
@@ -106,7 +140,8 @@ impl Surface {
     pub fn settle(&self, p: DVec3) -> DVec3 {
         match self {
             Self::Quadric(quadric) => quadric.settle(p),
-            Self::Plane { .. } | Self::Sphere { .. } | Self::Cylinder { .. } => p,
+            Self::Triangle(triangle) => triangle.settle(p),
+            Self::Plane { .. } | Self::Sphere { .. } | Self::Cylinder { .. } | Self::Mesh(_) => p,
         }
     }
 }

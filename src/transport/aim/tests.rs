@@ -2,15 +2,16 @@
 //! what is found obeys the law of refraction, and the Jacobian is that of finite differences.
 
 mod hard;
+mod shapes;
 
 use super::differential::jacobian;
-use super::quadric::Quadric;
 use super::surface::Surface;
-use super::{Bounce, Far, Points, solve};
+use super::{Bounce, Far, Points, Prims, solve};
 use crate::math::frame::Frame;
 use crate::math::hash::{random_bits, unit_f64};
 use crate::math::sampling::uniform_sphere;
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::DVec3;
+use shapes::{cap, ellipsoid, pebble};
 
 struct Random(u64);
 
@@ -57,46 +58,21 @@ enum Kind {
     OffEllipsoid,
     /// Through two caps of spheres, one behind the other.
     Lens,
+    /// Through a mesh with interpolated normals.
+    AcrossMesh,
+    /// Off such a mesh.
+    OffMesh,
 }
 
 /// Kinds whose solver may miss chains, and the least share of those traced that it has to find.
-const SHOT: [(Kind, f64); 4] = [
+const SHOT: [(Kind, f64); 6] = [
     (Kind::AcrossEllipsoid(0), 0.8),
     (Kind::AcrossEllipsoid(1), 0.75),
     (Kind::OffEllipsoid, 0.98),
     (Kind::Lens, 0.85),
+    (Kind::AcrossMesh, 0.8),
+    (Kind::OffMesh, 0.98),
 ];
-
-/// An ellipsoid about the origin, turned.
-fn ellipsoid(world: &World, random: &mut Random) -> Surface {
-    let axes = DVec3::new(random.between(0.2, 1.0), random.between(0.5, 1.0), 1.0);
-    let turned = DQuat::from_axis_angle(random.direction(), 3.0 * random.next());
-    let to_world = DAffine3::from_scale_rotation_translation(
-        axes * world.scale,
-        turned,
-        world.point(DVec3::ZERO),
-    );
-    let back = to_world.inverse();
-    Surface::Quadric(Quadric::placed(
-        DMat3::IDENTITY,
-        DVec3::ZERO,
-        -1.0,
-        &to_world,
-        &back,
-    ))
-}
-
-/// A spherical cap of curvature `c` across the z axis at `z`, its normal towards +z.
-fn cap(world: &World, c: f64, z: f64) -> Surface {
-    let to_world = DAffine3::from_scale_rotation_translation(
-        DVec3::splat(world.scale),
-        DQuat::IDENTITY,
-        world.point(DVec3::Z * z),
-    );
-    let q = DMat3::from_diagonal(DVec3::splat(-0.5 * c));
-    let back = to_world.inverse();
-    Surface::Quadric(Quadric::placed(q, DVec3::Z * 0.5, 0.0, &to_world, &back))
-}
 
 const KINDS: [Kind; 18] = [
     Kind::Planes(&[true]),
@@ -145,11 +121,21 @@ const KINDS: [Kind; 18] = [
 /// A chain that a ray was traced through.
 #[derive(Debug)]
 struct Traced {
-    bounces: Vec<Bounce>,
+    bounces: Vec<Bounce<'static>>,
     eta: Vec<f64>,
     points: Points,
+    prims: Prims,
     far: Far,
     to: DVec3,
+}
+
+impl Traced {
+    /// With the triangles that it lies on.
+    fn on(&self, prims: &Prims) -> Vec<Bounce<'static>> {
+        (self.bounces.iter().zip(prims))
+            .map(|(b, &prim)| b.at(prim))
+            .collect()
+    }
 }
 
 /// Places units in the world.
@@ -165,8 +151,19 @@ impl World {
     }
 }
 
-/// Where a ray meets a surface from the side `above`.
-fn meet(surface: &Surface, o: DVec3, d: DVec3, above: bool) -> Option<DVec3> {
+/// Where a ray that leaves triangle `from` of a mesh meets a surface from the side `above`, and the
+/// triangle that it meets.
+fn meet(
+    surface: &Surface,
+    o: DVec3,
+    d: DVec3,
+    above: bool,
+    from: Option<u32>,
+) -> Option<(DVec3, u32)> {
+    if let Surface::Mesh(_) = surface {
+        let (t, prim) = surface.meet(o, d, above, from)?;
+        return Some((surface.at(prim).settle(o + d * t), prim));
+    }
     let quadratic = |o: DVec3, d: DVec3, radius: f64| {
         let d2 = d.length_squared();
         let nearest = -o.dot(d) / d2;
@@ -191,10 +188,11 @@ fn meet(surface: &Surface, o: DVec3, d: DVec3, above: bool) -> Option<DVec3> {
             axis,
             radius,
         } => quadratic((o - center).reject_from(axis), d.reject_from(axis), radius),
-        Surface::Quadric(_) => surface.meet(o, d, above)?,
+        Surface::Quadric(_) => surface.meet(o, d, above, None)?.0,
+        Surface::Mesh(_) | Surface::Triangle(_) => unreachable!(),
     };
     let p = o + d * t;
-    (t > 0.0).then(|| match *surface {
+    let p = (t > 0.0).then(|| match *surface {
         // back onto it, as a hit is
         Surface::Plane { origin, normal } => p - normal * (p - origin).dot(normal),
         Surface::Sphere { center, radius } => center + (p - center).normalize() * radius,
@@ -209,21 +207,29 @@ fn meet(surface: &Surface, o: DVec3, d: DVec3, above: bool) -> Option<DVec3> {
             );
             center + along + across.normalize() * radius
         }
-        Surface::Quadric(_) => surface.settle(p),
-    })
+        _ => surface.settle(p),
+    });
+    p.map(|p| (p, 0))
 }
 
-/// Traces from the sensor's end. Points from the light, and the last ray.
+/// Traces from the sensor's end. Points from the light with their triangles, and the last ray.
 fn trace(
     bounces: &[Bounce],
     eta: &[f64],
     to: DVec3,
     direction: DVec3,
-) -> Option<(Points, DVec3, DVec3)> {
+) -> Option<((Points, Prims), DVec3, DVec3)> {
     let (mut o, mut d) = (to, direction);
-    let mut points = Vec::new();
+    let (mut points, mut prims) = (Vec::new(), Vec::new());
     for (i, bounce) in bounces.iter().enumerate().rev() {
-        let p = meet(&bounce.surface, o, d, bounce.to_above())?;
+        let (p, prim) = meet(
+            &bounce.surface,
+            o,
+            d,
+            bounce.to_above(),
+            prims.last().copied(),
+        )?;
+        let bounce = bounce.at(prim);
         let n = bounce.surface.normal(p);
         let n = if bounce.to_above() { n } else { -n };
         let cos = -d.dot(n);
@@ -240,11 +246,18 @@ fn trace(
         } else {
             (d + 2.0 * cos * n).normalize()
         };
+        // where the normals of a triangle disagree about the side, nothing goes on
+        if (d.dot(bounce.surface.face_normal(p)) > 0.0) != bounce.from_above {
+            return None;
+        }
         o = p;
         points.push(p);
+        prims.push(prim);
     }
     points.reverse();
-    Some((points.into_iter().collect(), o, d))
+    prims.reverse();
+    let on = (points.into_iter().collect(), prims.into_iter().collect());
+    Some((on, o, d))
 }
 
 /// A random chain of a kind; `index` is that of glass. `near`: how near to the surface ends may be.
@@ -259,7 +272,7 @@ fn random_chain(
         center: world.point(DVec3::ZERO),
         radius: world.scale,
     };
-    let bounce = |surface: Surface, transmits: bool, from_above: bool| Bounce {
+    let bounce = |surface: Surface<'static>, transmits: bool, from_above: bool| Bounce {
         surface,
         transmits,
         from_above,
@@ -326,9 +339,17 @@ fn random_chain(
             start = random.direction() * r;
             aim = random.direction() * random.next().cbrt();
         }
-        Kind::AcrossEllipsoid(_) | Kind::OffEllipsoid => {
-            let surface = ellipsoid(world, random);
-            if let Kind::AcrossEllipsoid(inner) = kind {
+        Kind::AcrossEllipsoid(_) | Kind::OffEllipsoid | Kind::AcrossMesh | Kind::OffMesh => {
+            let surface = match kind {
+                Kind::AcrossMesh | Kind::OffMesh => pebble(world, random),
+                _ => ellipsoid(world, random),
+            };
+            let inner = match kind {
+                Kind::AcrossEllipsoid(inner) => Some(inner),
+                Kind::AcrossMesh => Some(0),
+                _ => None,
+            };
+            if let Some(inner) = inner {
                 bounces.push(bounce(surface, true, true));
                 bounces.extend((0..inner).map(|_| bounce(surface, false, false)));
                 bounces.push(bounce(surface, true, false));
@@ -394,7 +415,7 @@ fn random_chain(
             bounces[i].from_above = to_above != bounces[i].transmits;
         }
     }
-    let (points, o, d) = trace(&bounces, &eta, to, direction)?;
+    let ((points, prims), o, d) = trace(&bounces, &eta, to, direction)?;
     // along a ring positions lose digits
     if (points.iter()).any(|p| p.distance(world.point(DVec3::ZERO)) > 8.0 * world.scale) {
         return None;
@@ -415,6 +436,7 @@ fn random_chain(
         bounces,
         eta,
         points,
+        prims,
         far,
         to,
     })
@@ -428,9 +450,9 @@ fn distance(a: &Points, b: &Points) -> f64 {
 }
 
 /// Sine between what the law of refraction wants and what is there, times the index.
-fn residual(chain: &Traced, points: &Points) -> f64 {
+fn residual(chain: &Traced, points: &Points, prims: &Prims) -> f64 {
     let mut worst: f64 = 0.0;
-    for (i, (&p, bounce)) in points.iter().zip(&chain.bounces).enumerate() {
+    for (i, (&p, bounce)) in points.iter().zip(&chain.on(prims)).enumerate() {
         let before = match i.checked_sub(1) {
             Some(j) => (points[j] - p).normalize(),
             None => chain.far.direction_from(p),
@@ -455,17 +477,23 @@ fn check(kind: Kind, world: &World, index: f64, near: f64, tolerance: f64, round
         traced += 1;
         let mut nearest = f64::INFINITY;
         let mut all: Vec<Points> = Vec::new();
-        solve(&chain.bounces, &chain.eta, &chain.far, chain.to, |points| {
-            assert!(points.iter().all(|p| p.is_finite()), "{kind:?}");
-            nearest = nearest.min(distance(points, &chain.points));
-            // none twice
-            let apart = |p: &Points| distance(p, points) > 1e-12 * world.scale;
-            assert!(
-                all.iter().all(apart),
-                "{kind:?} {round}: {all:?} {points:?}"
-            );
-            all.push(points.clone());
-        });
+        solve(
+            &chain.bounces,
+            &chain.eta,
+            &chain.far,
+            chain.to,
+            |points, _| {
+                assert!(points.iter().all(|p| p.is_finite()), "{kind:?}");
+                nearest = nearest.min(distance(points, &chain.points));
+                // none twice
+                let apart = |p: &Points| distance(p, points) > 1e-12 * world.scale;
+                assert!(
+                    all.iter().all(apart),
+                    "{kind:?} {round}: {all:?} {points:?}"
+                );
+                all.push(points.clone());
+            },
+        );
         assert!(
             nearest < tolerance * world.scale,
             "{kind:?} {index} {world:?} {round}: missed by {nearest}, {} found, {chain:?}",
@@ -485,7 +513,7 @@ fn check(kind: Kind, world: &World, index: f64, near: f64, tolerance: f64, round
             // the digits that positions have, as angles
             let size = world.offset.length() + 8.0 * world.scale;
             let digits = 1e-10 + 1e-13 * size / shortest(points);
-            let r = residual(&chain, points);
+            let r = residual(&chain, points, &chain.prims);
             assert!(
                 r < digits,
                 "{kind:?} {index} {round}: residual {r}, {digits} {points:?} {chain:?}"
@@ -506,11 +534,17 @@ fn check_shot(kind: Kind, least: f64, world: &World, index: f64) {
         };
         traced += 1;
         let mut nearest = f64::INFINITY;
-        solve(&chain.bounces, &chain.eta, &chain.far, chain.to, |points| {
-            nearest = nearest.min(distance(points, &chain.points));
-            let r = residual(&chain, points);
-            assert!(r < 1e-7, "{kind:?} {index} {round}: residual {r}");
-        });
+        solve(
+            &chain.bounces,
+            &chain.eta,
+            &chain.far,
+            chain.to,
+            |points, prims| {
+                nearest = nearest.min(distance(points, &chain.points));
+                let r = residual(&chain, points, prims);
+                assert!(r < 1e-7, "{kind:?} {index} {round}: residual {r}");
+            },
+        );
         met += usize::from(nearest < 1e-5 * world.scale);
     }
     let share = f64::from(met as u32) / f64::from(traced as u32);
@@ -554,7 +588,11 @@ fn area_by_differences(chain: &Traced) -> Option<f64> {
     let last = chain.far.direction_from(chain.points[0]);
     let at = |x: f64, y: f64| {
         let d = frame.to_outer(DVec3::new(x.sin(), y.sin(), 1.0).normalize());
-        let (_, o, d) = trace(&chain.bounces, &chain.eta, chain.to, d)?;
+        let ((_, prims), o, d) = trace(&chain.bounces, &chain.eta, chain.to, d)?;
+        // over an edge the normal turns otherwise
+        if prims != chain.prims {
+            return None;
+        }
         Some(match chain.far {
             Far::Point(p) => o + d * ((p - o).dot(last) / d.dot(last)),
             Far::Direction(_) => d,
@@ -577,13 +615,8 @@ fn jacobian_is_that_of_finite_differences_and_reciprocal() {
             let Some(chain) = random_chain(kind, &UNIT, 1.5, 0.3, &mut random) else {
                 continue;
             };
-            let j = jacobian(
-                &chain.bounces,
-                &chain.points,
-                &chain.eta,
-                &chain.far,
-                chain.to,
-            );
+            let on = chain.on(&chain.prims);
+            let j = jacobian(&on, &chain.points, &chain.eta, &chain.far, chain.to);
             let Some(area) = area_by_differences(&chain) else {
                 continue;
             };
@@ -591,7 +624,7 @@ fn jacobian_is_that_of_finite_differences_and_reciprocal() {
             let steep = chain
                 .points
                 .iter()
-                .zip(&chain.bounces)
+                .zip(&on)
                 .enumerate()
                 .all(|(i, (&p, b))| {
                     let after = chain.points.get(i + 1).copied().unwrap_or(chain.to) - p;
@@ -600,8 +633,8 @@ fn jacobian_is_that_of_finite_differences_and_reciprocal() {
                     after.normalize().dot(n).abs() > 0.2 && (i > 0 || before.dot(n).abs() > 0.2)
                 });
             // over a sharp edge of an ellipsoid as well
-            let is_magnified =
-                matches!(chain.bounces[0].surface, Surface::Quadric(_)) && area > 30.0;
+            let is_shot = matches!(on[0].surface, Surface::Quadric(_) | Surface::Triangle(_));
+            let is_magnified = is_shot && area > 30.0;
             if !steep || is_magnified {
                 continue;
             }
@@ -611,7 +644,9 @@ fn jacobian_is_that_of_finite_differences_and_reciprocal() {
                 "{kind:?}: {} {area}",
                 1.0 / j
             );
-            if let Far::Point(x) = chain.far {
+            // reversible only where light is scattered at the normal of the surface itself
+            let is_eikonal = !matches!(on[0].surface, Surface::Triangle(_));
+            if let (Far::Point(x), true) = (chain.far, is_eikonal) {
                 let reversed: Vec<Bounce> = chain
                     .bounces
                     .iter()

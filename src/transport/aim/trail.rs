@@ -105,23 +105,24 @@ impl Trail<'_> {
 }
 
 /// Vertices of a chain as solvers want them, and the indices of its segments.
-pub type Placed = (
-    ArrayVec<Bounce, MAX_CHAIN>,
+pub type Placed<'s> = (
+    ArrayVec<Bounce<'s>, MAX_CHAIN>,
     ArrayVec<f64, { MAX_CHAIN + 1 }>,
 );
 
 /// A kind of chain at the moment and at the wavelength of `lane` of a path; `None` where a shape is
 /// out of round.
 #[must_use]
-pub fn place(context: &PathContext, kind: &[ChainLink], lane: usize) -> Option<Placed> {
+pub fn place<'s>(context: &'s PathContext, kind: &[ChainLink], lane: usize) -> Option<Placed<'s>> {
     let index = |medium: MediumId| context.medium(medium).eta[lane];
     let (mut bounces, mut eta) = (ArrayVec::new(), ArrayVec::new());
     eta.push(index(kind.first()?.before()));
     for link in kind {
         let instance = context.scene.accel.instance(link.id.instance);
         let placement = instance.transform.at(context.moment());
+        let facets = context.scene.chains().facets(link.id.instance);
         bounces.push(Bounce {
-            surface: Surface::of(instance, link.id.prim, &placement)?,
+            surface: Surface::of(instance, facets, link.id, &placement)?,
             transmits: link.transmits,
             from_above: link.from_above,
         });
@@ -246,7 +247,7 @@ fn is_found(
         .any(|i| (a + 1..b).contains(i));
     let mut is_found = false;
     let (far, to) = (trail.far(a), trail.position(b));
-    solve(bounces, eta, &far, to, |points| {
+    solve(bounces, eta, &far, to, |points, _| {
         let size = to.distance(points[points.len() - 1]);
         let is_same = |(i, p): (usize, &DVec3)| p.distance(trail.place(a + 1 + i).p) < SAME * size;
         is_found |= is_near || points.iter().enumerate().all(is_same);
@@ -290,7 +291,11 @@ fn links(
 fn factor(trail: &Trail, a: usize, b: usize, bounces: &[Bounce], eta: &[f64]) -> f64 {
     let far = trail.far(a);
     let points: ArrayVec<DVec3, MAX_CHAIN> = (a + 1..b).map(|i| trail.place(i).p).collect();
-    let jacobian = differential::jacobian(bounces, &points, eta, &far, trail.position(b));
+    let on = (a + 1..b)
+        .zip(bounces)
+        .map(|(i, b)| b.at(trail.place(i).id.prim));
+    let on: ArrayVec<Bounce, MAX_CHAIN> = on.collect();
+    let jacobian = differential::jacobian(&on, &points, eta, &far, trail.position(b));
     // of the segment at x_a the cosine is in both
     let mut product = match far {
         Far::Point(x) => 1.0 / x.distance_squared(points[0]),

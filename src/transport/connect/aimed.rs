@@ -13,7 +13,7 @@ use crate::spectrum::SampledSpectrum;
 use crate::transport::aim::surface::Surface;
 use crate::transport::aim::trail::{self, Place, Placed, Trail};
 use crate::transport::aim::tries::{Origin, Tries};
-use crate::transport::aim::{Bounce, Far, MAX_CHAIN, Points, differential, placed, solve};
+use crate::transport::aim::{Bounce, Far, MAX_CHAIN, Points, Prims, differential, placed, solve};
 use crate::transport::contribution::Target;
 use crate::transport::density::{PathView, VertexDensity};
 use crate::transport::subpath::Subpath;
@@ -300,15 +300,15 @@ impl<'a> Joiner<'a> {
             }
             self.counters.connections_tried += 1;
             counts.0 += 1;
-            let mut found: ArrayVec<Points, MOST_CHAINS> = ArrayVec::new();
-            solve(&chain.0, &chain.1, &far, to, |points| {
+            let mut found: ArrayVec<(Points, Prims), MOST_CHAINS> = ArrayVec::new();
+            solve(&chain.0, &chain.1, &far, to, |points, prims| {
                 // beyond so many the path has no bridge that counts, but there never are
-                let _ = found.try_push(points.clone());
+                let _ = found.try_push((points.clone(), prims.clone()));
             });
             let only = (lanes > 1).then_some(lane);
             counts.1 += found.len() as u64;
-            for points in &found {
-                self.bridge(ends, kind, &chain, points, (&far, to), only);
+            for at in &found {
+                self.bridge(ends, kind, &chain, at, (&far, to), only);
             }
         }
         counts
@@ -361,7 +361,7 @@ impl<'a> Joiner<'a> {
         ends: &Ends,
         kind: &ChainKind,
         (bounces, eta): &Placed,
-        points: &Points,
+        (points, prims): &(Points, Prims),
         (far, to): (&Far, DVec3),
         only: Option<usize>,
     ) -> Option<()> {
@@ -369,11 +369,14 @@ impl<'a> Joiner<'a> {
         let scene = context.scene;
         let m = points.len();
         let mut faces: ArrayVec<SurfaceId, MAX_CHAIN> = ArrayVec::new();
-        for (link, &p) in kind.iter().zip(points) {
+        let mut on: ArrayVec<Bounce, MAX_CHAIN> = ArrayVec::new();
+        for (i, link) in kind.iter().enumerate() {
+            let at = (points[i], prims[i]);
+            on.push(bounces[i].at(prims[i]));
             let instance = scene.accel.instance(link.id.instance);
             let facets = scene.chains().facets(link.id.instance);
             let placement = instance.transform.at(context.moment());
-            faces.push(placed::face_at(instance, facets, link.id, &placement, p)?);
+            faces.push(placed::face_at(instance, facets, link.id, &placement, at)?);
         }
         // unit directions and lengths of the segments, from the light to the sensor
         let mut segments: ArrayVec<(DVec3, f64), { MAX_CHAIN + 1 }> = ArrayVec::new();
@@ -389,7 +392,7 @@ impl<'a> Joiner<'a> {
         let at_light = self.reach_light(ends, first, points[0], kind[0].before())?;
         let at_sensor = self.reach_sensor(ends, last, points[m - 1], kind[m - 1].after())?;
 
-        let jacobian = differential::jacobian(bounces, points, eta, far, to);
+        let jacobian = differential::jacobian(&on, points, eta, far, to);
         let media =
             [kind[0].before(), kind[m - 1].after()].map(|medium| context.eta_squared(medium));
         let mut lanes = at_light.weight.lanes * at_sensor.weight.lanes * media[1];
@@ -397,7 +400,7 @@ impl<'a> Joiner<'a> {
             lanes *= SampledSpectrum::ONE / media[0];
         }
         let mut solved: ArrayVec<Solved, MAX_CHAIN> = ArrayVec::new();
-        for (i, (link, bounce)) in kind.iter().zip(bounces).enumerate() {
+        for (i, (link, bounce)) in kind.iter().zip(&on).enumerate() {
             let at = (faces[i], points[i]);
             let (vertex, value) = self.solved(link, bounce, at, &segments[i..i + 2]);
             lanes *= value;
@@ -424,12 +427,12 @@ impl<'a> Joiner<'a> {
         for i in (0..=m).rev() {
             let (w, length) = segments[i];
             let (from, surface) = match points.get(i) {
-                Some(&p) => (p, Some(kind[i].id)),
+                Some(&p) => (p, Some(faces[i])),
                 None => (to, at_sensor.surface),
             };
             let end = i
                 .checked_sub(1)
-                .map_or(at_light.surface, |i| Some(kind[i].id));
+                .map_or(at_light.surface, |i| Some(faces[i]));
             shadow.push(Ray::leaving(from, -w, surface).ending(length, end));
         }
 

@@ -62,7 +62,7 @@ impl Traced {
     /// The chain between these ends that is nearest to the traced one.
     fn nearest(&self, far: &Far, to: DVec3) -> Option<Points> {
         let mut nearest: Option<Points> = None;
-        solve(&self.bounces, &self.eta, far, to, |points| {
+        solve(&self.bounces, &self.eta, far, to, |points, _| {
             let is_nearer =
                 |other: &Points| distance(points, &self.points) < distance(other, &self.points);
             if nearest.as_ref().is_none_or(is_nearer) {
@@ -119,7 +119,7 @@ impl Traced {
 }
 
 /// A chain with its name: bounces, indices of its segments, and both ends.
-type Case = (&'static str, Vec<Bounce>, Vec<f64>, DVec3, DVec3);
+type Case = (&'static str, Vec<Bounce<'static>>, Vec<f64>, DVec3, DVec3);
 
 /// Asserts of random chains of a kind that weights sum to 1. Share of them for which this is within
 /// 1e-9.
@@ -175,7 +175,7 @@ fn edge_chains(delta: f64) -> Vec<(&'static str, Traced)> {
         axis: DVec3::Z,
         radius: 1.0,
     };
-    let bounce = |surface: Surface, transmits: bool, from_above: bool| Bounce {
+    let bounce = |surface: Surface<'static>, transmits: bool, from_above: bool| Bounce {
         surface,
         transmits,
         from_above,
@@ -276,7 +276,7 @@ fn edge_chains(delta: f64) -> Vec<(&'static str, Traced)> {
     let traced = cases
         .into_iter()
         .filter_map(|(what, bounces, eta, to, direction)| {
-            let (points, o, d) = trace(&bounces, &eta, to, direction.normalize())?;
+            let ((points, prims), o, d) = trace(&bounces, &eta, to, direction.normalize())?;
             let first = &bounces[0];
             // where it starts inside something round, not as far as halfway through, where it is on
             // the fold
@@ -285,13 +285,14 @@ fn edge_chains(delta: f64) -> Vec<(&'static str, Traced)> {
                 _ if first.from_above => 1.0,
                 Surface::Sphere { .. } => -0.7 * o.dot(d),
                 Surface::Cylinder { .. } => -0.7 * o.with_z(0.0).dot(d.with_z(0.0)),
-                Surface::Quadric(_) => unreachable!(),
+                _ => unreachable!(),
             };
             let far = Far::Point(o + d * length);
             let chain = Traced {
                 bounces,
                 eta,
                 points,
+                prims,
                 far,
                 to,
             };
@@ -368,7 +369,7 @@ fn degenerate_ends_give_no_nonsense() {
                     Far::Direction(DVec3::X),
                     Far::Direction(DVec3::Z),
                 ] {
-                    solve(bounces, eta, &far, to, |found| {
+                    solve(bounces, eta, &far, to, |found, _| {
                         assert!(found.iter().all(|p| p.is_finite()));
                         let mut ends = found.to_vec();
                         ends.push(to);

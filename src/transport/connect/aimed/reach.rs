@@ -58,7 +58,7 @@ impl Joiner<'_> {
     ) -> (Solved, SampledSpectrum) {
         let context = self.context;
         let scene = context.scene;
-        let ng = bounce.surface.normal(p);
+        let (ng, ns) = (bounce.surface.face_normal(p), bounce.surface.normal(p));
         let interface = context.interface(link.media, link.id.instance);
         let uv = scene.geometry.texture_coordinates(id, p);
         self.scratch.lobes.clear();
@@ -80,7 +80,7 @@ impl Joiner<'_> {
             Label::SpecularReflect
         };
         let local = |w: DVec3| {
-            let z = w.dot(ng);
+            let z = w.dot(ns);
             DVec3::new((1.0 - z * z).max(0.0).sqrt(), 0.0, z)
         };
         let (w_light, w_sensor) = (local(-segments[0].0), local(segments[1].0));
