@@ -27,7 +27,8 @@ use sobol_burley::parts::owen_scramble_rev;
 pub enum Draw {
     /// Film position and lens: two numbers each.
     Film,
-    /// Scattering at camera vertex i: label, direction (two), Russian roulette.
+    /// Scattering at camera vertex i: label, direction (two); of the first, Russian roulette of the
+    /// walk.
     Camera(usize),
     /// The light that a light sub-path starts from, and the point on it (two).
     LightStart,

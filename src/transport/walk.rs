@@ -48,6 +48,10 @@ pub struct Start {
 
 /// Random walk from `start`: appends vertices to the freshly restarted `path`. `end_factor` is the
 /// Jacobian from solid angle at the first vertex to the measure of the start.
+///
+/// One number plays roulette at all vertices: where the walk survives, it is below the probability,
+/// and divided by that it is uniform again. Stratified over the passes, it gives every length of
+/// path its share of them; numbers of their own for each vertex leave that to chance.
 pub fn walk(
     context: &PathContext,
     path: &mut Subpath,
@@ -69,6 +73,7 @@ pub fn walk(
     } = start;
     let reference = throughput.max_lane(context.count());
     let mut travel = Departure::Start(pdf);
+    let mut roulette = 0.0;
     // distance passed since the last vertex, through surfaces that are none
     let mut passed = if infinite { f64::INFINITY } else { 0.0 };
     // where the sub-path has the present stack
@@ -271,9 +276,14 @@ pub fn walk(
         // what is held to a sequence ends with it, however faint
         let played = if step.is_some() { 0 } else { index };
         let survival = survival(played, throughput.max_lane(context.count()) / reference);
-        if numbers[3] >= survival {
+        if index == 0 {
+            roulette = numbers[3];
+        }
+        if roulette >= survival {
             return;
         }
+        // below 1 whatever rounds
+        roulette = (roulette / survival).min(1.0 - f64::EPSILON);
         throughput = throughput.scaled(1.0 / survival);
         let vertex = &path.vertices[index];
         if let Some(behind) = behind
