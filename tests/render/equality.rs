@@ -344,7 +344,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [130, 400, 70],
+        passes: [130, 440, 70],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2e-3,
