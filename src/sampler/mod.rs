@@ -14,6 +14,7 @@
 //! (0,2)-sequence of Sobol').
 
 pub mod primary;
+mod sobol;
 
 pub use primary::{Pixels, Primary};
 
@@ -237,7 +238,7 @@ impl Sampler<'_> {
         // scrambles
         let sequence = kind << 56 | if place.joint { 0 } else { index };
         let scramble = combine(self.scramble, sequence) as u32;
-        let leading = sobol_burley::sample_4d(self.index, set, scramble);
+        let leading = sobol::sample(self.index, set, scramble);
         let fine = [self.bits(kind, index, 0), self.bits(kind, index, 1)];
         std::array::from_fn(|i| {
             let fine = fine[i / 2] >> (32 * (i % 2)) & 0x3fff_ffff;
