@@ -13,8 +13,9 @@
 use super::coincident::{MOST_FACES, coincidence_distance};
 use super::motion::Placement;
 use super::{Accel, Instance, InstanceId, Ray, Shape, analytic};
+use crate::optics::Outline;
 use arrayvec::ArrayVec;
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 
 /// How much farther apart faces are taken to touch here than rays find them in the same place:
 /// boxes hold the rest.
@@ -294,6 +295,53 @@ struct Polygon {
     region: Region,
     /// Within which another face touches it.
     distance: f64,
+    /// The part of it that is there, where that is round.
+    ring: Option<Ring>,
+}
+
+/// Area between two circles about one center.
+#[derive(Clone, Copy, Debug)]
+struct Ring {
+    center: DVec3,
+    inner: f64,
+    outer: f64,
+}
+
+impl Ring {
+    /// That of a flat shape in the world, where it is one and stays round.
+    fn of(shape: &Shape, to_world: &DAffine3) -> Option<Self> {
+        let (center, inner, outer) = match shape {
+            Shape::Disk { inner } => (DVec2::ZERO, *inner, 1.0),
+            Shape::Lens(lens) => {
+                let aperture = &lens.surface().aperture;
+                let (inner, outer) = match aperture.outline {
+                    Outline::Circle { radius } => (0.0, radius),
+                    Outline::Annulus { inner, outer } => (inner, outer),
+                    Outline::Open | Outline::Rectangle { .. } => return None,
+                };
+                (aperture.center, inner, outer)
+            }
+            _ => return None,
+        };
+        let (x, y) = (to_world.matrix3.x_axis, to_world.matrix3.y_axis);
+        let size = x.length();
+        let tolerance = 64.0 * f64::EPSILON * size;
+        let is_round = (y.length() - size).abs() <= tolerance && x.dot(y).abs() <= tolerance * size;
+        is_round.then(|| Self {
+            center: to_world.transform_point3(center.extend(0.0)),
+            inner: size * inner,
+            outer: size * outer,
+        })
+    }
+
+    /// Whether two in one plane have no area in common.
+    fn is_apart(&self, other: &Self, distance: f64) -> bool {
+        let between = self.center.distance(other.center);
+        let in_hole = |a: &Self, b: &Self| between + a.outer <= b.inner + distance;
+        between + distance >= self.outer + other.outer
+            || in_hole(self, other)
+            || in_hole(other, self)
+    }
 }
 
 impl Polygon {
@@ -302,12 +350,13 @@ impl Polygon {
         let placement = instance.transform.at(0.0);
         let extent = instance.shape.extent();
         let mut faces = Vec::new();
+        let ring = Ring::of(&instance.shape, &placement.to_world);
         let mut add = |corners: &[DVec3]| {
             let corners: ArrayVec<_, 4> = corners
                 .iter()
                 .map(|&p| placement.to_world.transform_point3(p))
                 .collect();
-            if let Some(face) = Self::new(corners, &placement, extent)
+            if let Some(face) = Self::new(corners, &placement, extent, ring)
                 && face.region.common(part, face.distance).is_some()
             {
                 faces.push(face);
@@ -340,7 +389,12 @@ impl Polygon {
         Some(faces)
     }
 
-    fn new(corners: ArrayVec<DVec3, 4>, placement: &Placement, extent: f64) -> Option<Self> {
+    fn new(
+        corners: ArrayVec<DVec3, 4>,
+        placement: &Placement,
+        extent: f64,
+        ring: Option<Ring>,
+    ) -> Option<Self> {
         let [a, b, c] = [corners[0], corners[1], corners[2]];
         let normal = (b - a).cross(c - a).try_normalize()?;
         let region = Region::around(&corners);
@@ -351,6 +405,7 @@ impl Polygon {
             normal,
             region,
             distance,
+            ring,
         })
     }
 
@@ -362,9 +417,14 @@ impl Polygon {
             let off = |p: &DVec3| (*p - a.corners[0]).dot(a.normal).abs();
             b.corners.iter().map(off).fold(0.0, f64::max) <= distance
         };
+        let rings_apart = || {
+            let rings = self.ring.as_ref().zip(other.ring.as_ref());
+            rings.is_some_and(|(a, b)| a.is_apart(b, distance))
+        };
         let shares = (flush(self, other) || flush(other, self))
             && !self.is_apart(other, distance)
-            && !other.is_apart(self, distance);
+            && !other.is_apart(self, distance)
+            && !rings_apart();
         shares.then_some(region)
     }
 
@@ -396,6 +456,24 @@ mod tests {
         let accel = Accel::build(parts.iter().map(place).collect());
         let overlaps = overlaps(accel.instances()).expect("few");
         contacts(&accel, &overlaps).expect("few")
+    }
+
+    #[test]
+    fn rings_touch_where_they_share_an_area() {
+        let disk = |inner| Shape::Disk { inner };
+        let pair = |inner: f64, x: f64, size: f64| {
+            let (one, two) = (at(0.2, 0.0, 3.0, 1.0), at(0.2 + x, 0.0, 3.0, size));
+            found(&[(disk(inner), one), (disk(0.0), two)]).len()
+        };
+        // in the hole up to its edge, and beyond
+        assert_eq!((pair(0.5, 0.0, 0.5), pair(0.5, 0.0, 0.501)), (0, 1));
+        assert_eq!((pair(0.5, 0.2, 0.3), pair(0.5, 0.21, 0.3)), (0, 1));
+        // side by side where the squares around them are not
+        assert_eq!((pair(0.0, 1.5, 0.5), pair(0.0, 1.49, 0.5)), (0, 1));
+        // a map that makes them oval is not looked at so closely
+        let oval = DAffine3::from_scale(dvec3(0.4, 0.5, 1.0));
+        let flat = [(disk(0.6), at(0.0, 0.0, 0.0, 1.0)), (disk(0.0), oval)];
+        assert_eq!(found(&flat).len(), 1);
     }
 
     fn at(x: f64, y: f64, z: f64, scale: f64) -> DAffine3 {
