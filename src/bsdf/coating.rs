@@ -15,6 +15,7 @@ pub struct CoatingLanes {
     /// Index and thickness in nanometers of each layer as light from above meets them, lane by
     /// lane.
     layers: Vec<(Complex64, f64)>,
+    absorbs: bool,
 }
 
 impl CoatingLanes {
@@ -38,6 +39,12 @@ impl CoatingLanes {
             self.lambda_nm.push(nm);
             self.layers.extend(stack.layers_at(nm));
         }
+        self.absorbs = self.layers.iter().any(|(n, _)| n.im != 0.0);
+    }
+
+    /// Whether a layer absorbs, at any of the wavelengths.
+    pub(super) fn absorbs(&self) -> bool {
+        self.absorbs
     }
 
     /// Whether there is no coating.

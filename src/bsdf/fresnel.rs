@@ -4,7 +4,9 @@
 //! exactly R = 1.
 
 use crate::optics::Polarization;
+use crate::spectrum::MAX_LANES;
 use glam::DVec3;
+use wide::f64x4;
 
 /// `n² - 1` for n = `eta_t / eta_i`, without cancellation when the indices are nearly equal.
 fn index_contrast(eta_i: f64, eta_t: f64) -> f64 {
@@ -40,6 +42,49 @@ pub fn dielectric_for(polarization: Polarization, cos_i: f64, eta_i: f64, eta_t:
     let r_s = contrast / (sum_s * sum_s);
     let r_p = contrast * ((n2 + 1.0) * cos_i * cos_i - 1.0) / (sum_p * sum_p);
     polarization.of(r_s * r_s, r_p * r_p).min(1.0)
+}
+
+/// The same in each of the first `count` lanes, 0 in the others.
+#[must_use]
+#[inline]
+pub fn dielectric_lanes(
+    polarization: Polarization,
+    cos_i: f64,
+    eta_i: &[f64; MAX_LANES],
+    eta_t: &[f64; MAX_LANES],
+    count: usize,
+) -> [f64; MAX_LANES] {
+    let mut out = [0.0; MAX_LANES];
+    if count == 1 {
+        out[0] = dielectric_for(polarization, cos_i, eta_i[0], eta_t[0]);
+        return out;
+    }
+    let (cos, one) = (f64x4::splat(cos_i), f64x4::ONE);
+    let cos2 = cos * cos;
+    for first in (0..count).step_by(4) {
+        let four = |eta: &[f64; MAX_LANES]| f64x4::from(std::array::from_fn(|i| eta[first + i]));
+        let (near, far) = (four(eta_i), four(eta_t));
+        // as for one lane, operation by operation
+        let contrast = (far - near) * (far + near) / (near * near);
+        let g2 = contrast + cos2;
+        let g = g2.sqrt();
+        let n2 = one + contrast;
+        let (sum_s, sum_p) = (cos + g, n2 * cos + g);
+        let r_s = contrast / (sum_s * sum_s);
+        let r_p = contrast * ((n2 + one) * cos * cos - one) / (sum_p * sum_p);
+        let r = match polarization {
+            Polarization::Average => (r_s * r_s + r_p * r_p) * 0.5,
+            Polarization::S => r_s * r_s,
+            Polarization::P => r_p * r_p,
+        };
+        // numbers that are none are those of total reflection, or of a direction along the surface
+        let total = g2.simd_le(f64x4::ZERO) | cos.simd_le(f64x4::ZERO);
+        let r = total.select(one, r.fast_min(one));
+        let r = contrast.simd_eq(f64x4::ZERO).select(f64x4::ZERO, r);
+        let used = (count - first).min(4);
+        out[first..first + used].copy_from_slice(&r.to_array()[..used]);
+    }
+    out
 }
 
 /// Reflectance in [0, 1] of a metal of index `n + i k` seen from index `eta_i` at `cos_i` in [0,
@@ -109,6 +154,24 @@ mod tests {
         let want = (0.95_f64.powi(2) + 9.0) / (1.05_f64.powi(2) + 9.0);
         assert!((conductor(Polarization::Average, 1.0, 1.0, 0.05, 3.0) - want).abs() < 1e-14);
         assert!((conductor(Polarization::Average, 0.0, 1.0, 0.05, 3.0) - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn lanes_have_the_bits_of_each() {
+        let near = [1.0, 1.5, 1.62, 1.5, 1.33, 2.0, 1.0, 1.7];
+        let far = [1.5, 1.0, 1.5, 1.5, 1.0, 1.2, 1.0, 1.71];
+        for polarization in [Polarization::Average, Polarization::S, Polarization::P] {
+            for cos in [0.0, 1e-3, 0.3, 0.7, 0.75, 1.0] {
+                for count in [1, 4, 8] {
+                    let lanes = dielectric_lanes(polarization, cos, &near, &far, count);
+                    for (k, lane) in lanes.iter().enumerate() {
+                        let one = dielectric_for(polarization, cos, near[k], far[k]);
+                        let want = if k < count { one } else { 0.0 };
+                        assert_eq!(lane.to_bits(), want.to_bits(), "{cos} {count} {k}");
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -93,26 +93,53 @@ impl<'a> Interface<'a> {
 
     /// Reflectance and transmittance in each lane in use, 0 in the others.
     pub(super) fn responses(&self, cos: f64, above: bool) -> [[f64; 2]; MAX_LANES] {
-        let lane = |k| self.response(k, cos, above);
-        std::array::from_fn(|k| if k < self.count { lane(k) } else { [0.0; 2] })
+        let mut out = [[0.0; 2]; MAX_LANES];
+        if self.coating.is_some() {
+            for (k, out) in out.iter_mut().enumerate().take(self.count) {
+                *out = self.response(k, cos, above);
+            }
+            return out;
+        }
+        let reflected = self.reflectances(cos, above, self.count);
+        for (out, r) in out.iter_mut().zip(reflected).take(self.count) {
+            *out = [r, 1.0 - r];
+        }
+        out
     }
 
-    /// Share of what is reflected in what is not absorbed, over all lanes.
+    /// Fresnel reflectance of the first `count` lanes.
+    fn reflectances(&self, cos: f64, above: bool, count: usize) -> [f64; MAX_LANES] {
+        let (near, far) = self.sides(above);
+        fresnel::dielectric_lanes(self.polarization, cos, near, far, count)
+    }
+
+    /// Share of what is reflected in what is not absorbed, over all lanes: what
+    /// [`Interface::reflection_probability`] makes of these responses.
     pub(super) fn reflected_share(&self, responses: &[[f64; 2]; MAX_LANES]) -> f64 {
+        if self.coating.is_none() {
+            let lanes = if self.dispersive { self.count } else { 1 };
+            let sum: f64 = responses[..lanes].iter().map(|[r, _]| r).sum();
+            return sum / lanes as f64;
+        }
         let lanes = responses[..self.count].iter();
         let [r, t] = lanes.fold([0.0; 2], |sum, [r, t]| [sum[0] + r, sum[1] + t]);
         if t > 0.0 { r / (r + t) } else { 1.0 }
     }
 
+    /// Whether light that is refracted comes back the same way with the same probability: what
+    /// passes is the same from both sides, and so is what is reflected where no layer absorbs; but
+    /// only along the way of each lane itself.
+    pub(super) fn is_reciprocal(&self) -> bool {
+        let one_way = self.count == 1 || !self.dispersive;
+        one_way && self.coating.is_none_or(|coating| !coating.absorbs())
+    }
+
     /// Fresnel reflectance at cosine `cos` on the side `above`, averaged over the lanes in use: the
     /// probability of choosing reflection, the same whichever lane is the hero.
     pub(super) fn mean_reflectance(&self, cos: f64, above: bool) -> f64 {
-        let (near, far) = self.sides(above);
         // without dispersion the ratio of the indices, hence the reflectance, is that of the hero
         let lanes = if self.dispersive { self.count } else { 1 };
-        let sum: f64 = (0..lanes)
-            .map(|k| self.reflectance(cos, [near[k], far[k]]))
-            .sum();
-        sum / lanes as f64
+        let reflected = self.reflectances(cos, above, lanes);
+        reflected[..lanes].iter().sum::<f64>() / lanes as f64
     }
 }

@@ -228,10 +228,8 @@ impl Bsdf<'_> {
         let (lobe, rest) = self.choose_lobe(u[0])?;
         let above = given.z > 0.0;
         let cos = given.z.abs();
-        if let ([(weight, Lobe::Dielectric(lobe))], true) =
-            (self.lobes, self.interface.coating.is_some())
-        {
-            return self.sample_coated(lobe, *weight, given, rest);
+        if let [(weight, Lobe::Dielectric(lobe))] = self.lobes {
+            return self.sample_interface(lobe, *weight, given, rest);
         }
         if lobe.is_specular() {
             let q = lobe.label_probability(Label::SpecularReflect, cos, above, &self.interface);
@@ -291,9 +289,9 @@ impl Bsdf<'_> {
         chosen
     }
 
-    /// A direction of a coated interface that is alone: its layers are asked once for choice,
-    /// density and weight.
-    fn sample_coated(
+    /// A direction of a smooth interface that is alone: it is asked once for choice, density and
+    /// weight.
+    fn sample_interface(
         &self,
         lobe: &Dielectric,
         weight: f32,
@@ -312,12 +310,17 @@ impl Bsdf<'_> {
         let shares = self
             .interface
             .lanes(|k| responses[k][usize::from(transmits)]);
+        let pdf_reverse = if !transmits || self.interface.is_reciprocal() {
+            pdf
+        } else {
+            self.label_probability(label, w)
+        };
         Some(BsdfSample {
             w,
             label,
             weight: shares * tint * weight * (1.0 / pdf) as f32,
             pdf,
-            pdf_reverse: self.label_probability(label, w),
+            pdf_reverse,
             dispersive: transmits && self.interface.dispersive,
             columns: None,
         })

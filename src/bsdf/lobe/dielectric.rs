@@ -17,6 +17,12 @@ pub struct Dielectric {
 }
 
 impl Dielectric {
+    /// Without tint.
+    pub const CLEAR: Self = Self {
+        reflect_tint: SampledSpectrum::ONE,
+        transmit_tint: SampledSpectrum::ONE,
+    };
+
     /// Reflectance per lane at cosine `cos` on the side `above`, tint included.
     pub(super) fn reflectance(
         &self,
