@@ -78,9 +78,14 @@ impl MediumLanes {
     #[must_use]
     pub fn transmittance(&self, distance: f64) -> SampledSpectrum {
         match &self.absorption {
-            Some(a) if distance.is_finite() => {
-                SampledSpectrum::from_fn(|j| (-a[j] * distance).exp() as f32)
-            }
+            Some(a) if distance.is_finite() => SampledSpectrum::from_fn(|j| {
+                // also in the lanes that are not in use
+                if a[j] == 0.0 {
+                    1.0
+                } else {
+                    (-a[j] * distance).exp() as f32
+                }
+            }),
             _ => SampledSpectrum::ONE,
         }
     }

@@ -259,6 +259,9 @@ impl<'a> Multipliers<'a> {
 /// specular ones. [theory (2.4), (2.5)]
 #[must_use]
 pub fn plain_multiplier(strategies: &StrategySet, s: usize, n: usize, regularized: i32) -> f64 {
+    if regularized > 0 && strategies.cone.is_none() {
+        return 0.0;
+    }
     let samples = strategies.samples(Technique::Join(s), n, regularized > 0);
     match (regularized, strategies.cone) {
         (0, _) => samples,
@@ -489,6 +492,10 @@ fn terms(
     }
     let mut own = 0.0;
     for_each_term(multipliers, |technique, value| {
+        // of a chain of specular vertices, most cannot be joined
+        if value == 0.0 {
+            return;
+        }
         if dispersive == 0 || serves_all_lanes(path, dispersive, technique) {
             out.shared += heuristic.power(value);
         } else {

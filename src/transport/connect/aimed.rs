@@ -121,8 +121,11 @@ impl<'a> Joiner<'a> {
     /// Camera vertex `j` aims at a light through chains.
     pub fn aim_at_light(&mut self, camera: &Subpath, j: usize) {
         let aims = self.strategies.aims;
+        if !aims.light {
+            return;
+        }
         let origin = origin(camera, j, false);
-        if !aims.light || !self.aims_from(camera, j, aims.light_everywhere || origin.is_needed()) {
+        if !self.aims_from(camera, j, aims.light_everywhere || origin.is_needed()) {
             return;
         }
         let context = self.context;

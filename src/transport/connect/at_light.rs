@@ -213,7 +213,7 @@ impl Joiner<'_> {
     /// s = 1: camera vertex `j` is connected to a light.
     pub fn direct(&mut self, camera: &Subpath, j: usize) {
         let vertex = &camera.vertices[j];
-        if !self.wants(1, j + 2) || !self.is_connectible(vertex) {
+        if !self.is_connectible(vertex) || !self.wants(1, j + 2) {
             return;
         }
         let Some(drawn) = self.draw_light(vertex.p, Draw::Direct(j + 1)) else {

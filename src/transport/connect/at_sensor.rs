@@ -51,7 +51,7 @@ impl Joiner<'_> {
     /// t = 1: light vertex `i` is connected to the sensor.
     pub fn to_sensor(&mut self, light: &Subpath, i: usize, margin: f64) {
         let vertex = &light.vertices[i];
-        if !self.wants(i + 2, 1) || !self.is_connectible(vertex) {
+        if !self.is_connectible(vertex) || !self.wants(i + 2, 1) {
             return;
         }
         let Some(drawn) = self.draw_sensor(vertex.p, Draw::Lens(i + 1), margin) else {
