@@ -2,6 +2,7 @@
 //!
 //! Boxes only ever cull: every hit is decided in f64 by the shape.
 
+use super::gap::Gaps;
 use super::ray::LocalRay;
 use super::tree::Tree;
 use super::tree_walk::Boxes;
@@ -16,6 +17,7 @@ pub struct Accel {
     top: Option<Top>,
     center: DVec3,
     radius: f64,
+    pub(super) gaps: Gaps,
 }
 
 /// All instances of a scene at one moment.
@@ -55,6 +57,7 @@ impl Accel {
             ((low + high) * 0.5, if radius > 0.0 { radius } else { 1.0 })
         });
         Self {
+            gaps: Gaps::new(&instances),
             instances,
             top,
             center,
@@ -127,6 +130,11 @@ impl<'a> AccelAt<'a> {
     #[must_use]
     #[inline]
     pub fn closest(&self, ray: &Ray, visible: impl Fn(InstanceId) -> bool) -> Option<Hit> {
+        if !self.accel.gaps.is_empty()
+            && let Some(hit) = self.across_gap(ray, &visible)
+        {
+            return Some(hit);
+        }
         let top = self.accel.top.as_ref()?;
         let mut best: Option<Hit> = None;
         let mut t_best = ray.t_max;
@@ -139,19 +147,7 @@ impl<'a> AccelAt<'a> {
                 if !visible(instance) {
                     return None;
                 }
-                let Instance { shape, transform } = self.accel.instance(instance);
-                let placement = transform.at(self.moment);
-                let to_object = &placement.to_object;
-                let local = |extent| LocalRay::new(ray, instance, to_object, t_best, extent);
-                let (t, prim, uv) = match shape {
-                    Shape::Mesh(mesh) => mesh.closest(&local(mesh.extent()), self.moment.time())?,
-                    Shape::Deforming(mesh) => {
-                        mesh.closest(&local(mesh.extent()), self.moment.time())?
-                    }
-                    _ => shape
-                        .analytic_hit(ray.ends_on(instance), local)
-                        .map(|(t, prim)| (t, prim, DVec2::ZERO))?,
-                };
+                let (t, prim, uv) = self.hit_before(ray, instance, t_best)?;
                 best = Some(Hit {
                     t,
                     id: SurfaceId { instance, prim },
@@ -162,6 +158,71 @@ impl<'a> AccelAt<'a> {
             },
         );
         best
+    }
+
+    /// The same hit where it is on the far side of a gap, and known for it.
+    pub(super) fn across_gap(
+        &self,
+        ray: &Ray,
+        visible: &impl Fn(InstanceId) -> bool,
+    ) -> Option<Hit> {
+        let start = ray.start?;
+        if ray.end.is_some() || ray.t_max != f64::INFINITY {
+            return None;
+        }
+        let crossing = self.accel.gaps.ahead(ray, start.instance)?;
+        if !visible(crossing.to()) {
+            return None;
+        }
+        let hit = self.hit_of(ray, crossing.to())?;
+        crossing.is_free(hit.t).then_some(hit)
+    }
+
+    /// The hits of one instance within a ray, from near to far.
+    pub fn hits_of(&self, ray: &Ray, id: InstanceId, mut met: impl FnMut(Hit)) {
+        let mut rest = *ray;
+        let mut before = 0.0;
+        while let Some(mut hit) = self.hit_of(&rest, id) {
+            hit.t += before;
+            met(hit);
+            if matches!(
+                self.accel.instance(id).shape,
+                Shape::Disk { .. } | Shape::Quad
+            ) {
+                // a line meets a plane once
+                return;
+            }
+            rest = Ray {
+                o: self.surface(ray, &hit).p,
+                t_max: ray.t_max - hit.t,
+                start: Some(hit.id),
+                ..*ray
+            };
+            before = hit.t;
+        }
+    }
+
+    /// The closest hit of one instance.
+    fn hit_of(&self, ray: &Ray, id: InstanceId) -> Option<Hit> {
+        let (t, prim, uv) = self.hit_before(ray, id, ray.t_max)?;
+        let id = SurfaceId { instance: id, prim };
+        Some(Hit { t, id, uv })
+    }
+
+    /// The same among hits before `t_max`: where, the face, and weights on a mesh.
+    #[inline(always)]
+    fn hit_before(&self, ray: &Ray, id: InstanceId, t_max: f64) -> Option<(f64, u32, DVec2)> {
+        let Instance { shape, transform } = self.accel.instance(id);
+        let placement = transform.at(self.moment);
+        let to_object = &placement.to_object;
+        let local = |extent| LocalRay::new(ray, id, to_object, t_max, extent);
+        match shape {
+            Shape::Mesh(mesh) => mesh.closest(&local(mesh.extent()), self.moment.time()),
+            Shape::Deforming(mesh) => mesh.closest(&local(mesh.extent()), self.moment.time()),
+            _ => shape
+                .analytic_hit(ray.ends_on(id), local)
+                .map(|(t, prim)| (t, prim, DVec2::ZERO)),
+        }
     }
 
     /// Whether any instance for which `opaque` says true is hit.

@@ -11,6 +11,7 @@ pub mod contact;
 pub mod deforming;
 pub mod endpoint;
 pub mod facets;
+mod gap;
 pub mod hit;
 pub mod instance;
 pub mod lens;

@@ -236,6 +236,14 @@ impl Profile {
             .0
     }
 
+    /// Least and greatest sag of a conic where the square of the distance from the axis is between
+    /// two numbers, in order and not negative.
+    pub(crate) fn sag_between(&self, squares: [f64; 2]) -> [f64; 2] {
+        let across = Interval::new(-squares[1].sqrt(), squares[1].sqrt());
+        let sag = self.bounds(Interval::new(squares[0], squares[1]), across, across);
+        [sag.0.lo, sag.0.hi]
+    }
+
     /// Bounds of sag and slopes: of z, and of the derivatives by u = r^2 (`Conic`, `EvenAsphere`),
     /// by u and r (`OddAsphere`), or by x and y (`Toroid`), over points with r^2 in `u`, x in `x`
     /// and y in `y`.
