@@ -31,6 +31,11 @@ impl<'a> Companion<'a> {
         Self { job, pass }
     }
 
+    /// The detector, by index.
+    pub(super) fn sensor(&self) -> usize {
+        self.job.sensor
+    }
+
     /// Whether each contribution is noted with its raw value.
     #[must_use]
     pub fn with_raw(&self) -> bool {

@@ -3,13 +3,13 @@
 use super::sample::{SensorJob, begin, start_light};
 use crate::geometry::Placements;
 use crate::spectrum::SensorResponse;
-use crate::transport::{Counters, MediaLanes, PassSettings, PhotonBuffer, Subpath};
+use crate::transport::{Counters, MediaMemory, PassSettings, PhotonBuffer, Subpath};
 
 /// Traces light sub-paths and stores their vertices, with the buffers of one thread.
 #[derive(Debug, Default)]
 pub struct PhotonTracer {
     placements: Placements,
-    media: MediaLanes,
+    media: MediaMemory,
     light: Subpath,
     /// Counts of this thread.
     pub counters: Counters,

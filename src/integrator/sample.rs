@@ -7,7 +7,7 @@
 use super::{Companion, aims, strategies};
 use crate::bsdf::Side;
 use crate::film::Crop;
-use crate::geometry::{Placements, Ray};
+use crate::geometry::{EndPoint, Placements, Ray};
 use crate::sampler::{Draw, Pixels, Primary, Sampler};
 use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::Sharing;
@@ -20,8 +20,8 @@ use crate::transport::strategies::Merge;
 use crate::transport::subpath::{Event, Vertex};
 use crate::transport::walk::{Start, walk};
 use crate::transport::{
-    Contribution, Counters, MediaLanes, PassSettings, PathContext, PhotonMap, StrategySet, Subpath,
-    Throughput,
+    Contribution, Counters, MediaMemory, PassSettings, PathContext, PhotonMap, StrategySet,
+    Subpath, Throughput,
 };
 use glam::DVec2;
 use std::mem;
@@ -58,7 +58,9 @@ pub struct SensorJob<'a> {
     /// Light sub-paths that are traced.
     pub light_walks: LightWalks,
     /// Detectors that the light sub-paths of this job fill as well.
-    pub companions: Vec<Companion<'a>>,
+    companions: Vec<Companion<'a>>,
+    /// Their sensors, by index.
+    companion_sensors: Vec<usize>,
     /// Light sub-paths of a pass, by the wavelength of its set that is their hero.
     paths_by_hero: Vec<u64>,
 }
@@ -100,8 +102,15 @@ impl<'a> SensorJob<'a> {
             detailed: with_raw,
             light_walks: LightWalks::AsOften,
             companions: Vec::new(),
+            companion_sensors: Vec::new(),
             paths_by_hero: paths_by_hero(crop, heroes),
         }
+    }
+
+    /// Has its light sub-paths fill other detectors as well.
+    pub fn set_companions(&mut self, companions: Vec<Companion<'a>>) {
+        self.companion_sensors = companions.iter().map(Companion::sensor).collect();
+        self.companions = companions;
     }
 
     /// Number of wavelengths of a shared set that take turns as heroes.
@@ -207,7 +216,7 @@ fn paths_by_hero(crop: &Crop, heroes: u32) -> Vec<u64> {
 #[derive(Debug, Default)]
 pub struct Workspace {
     placements: Placements,
-    media: MediaLanes,
+    media: MediaMemory,
     light: Subpath,
     camera: Subpath,
     scratch: Scratch,
@@ -258,12 +267,12 @@ impl Workspace {
 
 /// Wavelengths and media of one pixel's paths in a pass.
 pub(super) fn begin<'a>(
-    job: &SensorJob<'a>,
+    job: &'a SensorJob<'a>,
     pass: &'a PassSettings,
     (sampler, pixel): (&Sampler, (u32, u32)),
     response: SensorResponse,
     placements: &'a mut Placements,
-    media: &'a mut MediaLanes,
+    media: &'a mut MediaMemory,
 ) -> PathContext<'a> {
     let scene = job.scene;
     let lanes = job.lanes();
@@ -284,7 +293,7 @@ pub(super) fn begin<'a>(
     } else {
         sensor.shutter.open_s
     };
-    media.update(scene, &wavelengths);
+    let media = media.at(scene, &wavelengths);
     let held = scene.sequences.as_ref().map(|sequences| Held {
         sequence: sequences.draw(job.sequence_number(sampler, pixel)),
         weight: sequences.all().len() as f64,
@@ -292,6 +301,7 @@ pub(super) fn begin<'a>(
     PathContext {
         scene: scene.at(time, placements),
         sensor: job.sensor,
+        companions: &job.companion_sensors,
         pass,
         media,
         response: response.at(&wavelengths),
@@ -370,43 +380,22 @@ fn sample(
     companions.resize_with(job.companions.len(), Vec::new);
     companions.iter_mut().for_each(Vec::clear);
     let context = begin(job, pass, (&sampler, (x, y)), response, placements, media);
-    let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.set(Draw::Film);
     let max_depth = job.max_depth();
-
-    let offset = sensor.filter.sample(DVec2::new(u_film_x, u_film_y));
-    let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) + offset;
-    let start = sensor
-        .camera
-        .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.moment());
-    let exposure = context.scene.exposure(&start.xk);
-    let weight = start.weight * exposure;
-    camera.restart(start.xk, &sensor.stack, None, start.pdf_xk);
     let strategies = job.strategies_of(pass, (x, y));
-    if strategies.wants_camera_walk() {
-        let eta2 = context.eta_squared(sensor.stack.medium());
-        let hittable = job.strategies.hittable_sensor;
-        let x_sensor = start.xk;
-        walk(
+    let (raster, exposure) = if strategies.wants_camera_start() {
+        start_camera(
             &context,
+            job,
+            &strategies,
             camera,
-            Start {
-                ray: Ray::leaving(x_sensor.p, start.direction, x_sensor.surface),
-                stack: sensor.stack,
-                throughput: Throughput::splat(weight).times(&eta2),
-                pdf: start.pdf_direction,
-                infinite: false,
-                generate: Side::Light,
-                max_vertices: max_depth + 1,
-                specular_only: strategies.ends_at_first_rough(),
-            },
-            &sampler,
+            (&sampler, (x, y)),
             counters,
-            |first: &Vertex| {
-                Receiver::of_sensor(hittable, &x_sensor, first.toward_previous)
-                    .factor(first.distance)
-            },
-        );
-    }
+        )
+    } else {
+        // nothing asks where on the film it would be
+        camera.restart(EndPoint::NONE, &sensor.stack, None, 0.0);
+        (DVec2::ZERO, 0.0)
+    };
     let margin = sensor.filter.margin();
     let mut joiner = Joiner {
         context: &context,
@@ -480,6 +469,54 @@ fn sample(
         }
     }
     context.response
+}
+
+/// Traces the camera sub-path of a pixel. Where on the film it starts, and the exposure of its
+/// point.
+fn start_camera(
+    context: &PathContext,
+    job: &SensorJob,
+    strategies: &StrategySet,
+    path: &mut Subpath,
+    (sampler, (x, y)): (&Sampler, (u32, u32)),
+    counters: &mut Counters,
+) -> (DVec2, f64) {
+    let sensor = &job.scene.sensors[job.sensor];
+    let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.set(Draw::Film);
+    let offset = sensor.filter.sample(DVec2::new(u_film_x, u_film_y));
+    let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) + offset;
+    let start = sensor
+        .camera
+        .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.moment());
+    let exposure = context.scene.exposure(&start.xk);
+    let weight = start.weight * exposure;
+    path.restart(start.xk, &sensor.stack, None, start.pdf_xk);
+    if strategies.wants_camera_walk() {
+        let eta2 = context.eta_squared(sensor.stack.medium());
+        let hittable = job.strategies.hittable_sensor;
+        let x_sensor = start.xk;
+        walk(
+            context,
+            path,
+            Start {
+                ray: Ray::leaving(x_sensor.p, start.direction, x_sensor.surface),
+                stack: sensor.stack,
+                throughput: Throughput::splat(weight).times(&eta2),
+                pdf: start.pdf_direction,
+                infinite: false,
+                generate: Side::Light,
+                max_vertices: job.max_depth() + 1,
+                specular_only: strategies.ends_at_first_rough(),
+            },
+            sampler,
+            counters,
+            |first: &Vertex| {
+                Receiver::of_sensor(hittable, &x_sensor, first.toward_previous)
+                    .factor(first.distance)
+            },
+        );
+    }
+    (raster, exposure)
 }
 
 /// Number of light sub-paths of a sample, `expected` in the mean.

@@ -207,6 +207,23 @@ impl Material {
         }
     }
 
+    /// Whether it is the smooth interface between the media on both sides and no more, coated or
+    /// not: its one lobe is
+    /// [`Dielectric::CLEAR`](crate::bsdf::lobe::dielectric::Dielectric::CLEAR) everywhere.
+    #[must_use]
+    pub fn is_smooth_interface(&self) -> bool {
+        let [(weight, lobe)] = self.lobes.as_slice() else {
+            return false;
+        };
+        let is_clear = |reflect: &SpectrumTexture, transmit: &SpectrumTexture| {
+            reflect.is_constant(1.0) && transmit.is_constant(1.0)
+        };
+        weight.constant() == Some(1.0)
+            && lobe.is_specular()
+            && matches!(lobe, LobeSpec::Dielectric { reflect_tint, transmit_tint, .. }
+                if is_clear(reflect_tint, transmit_tint))
+    }
+
     /// Whether it reflects and whether it refracts as a smooth surface, where nothing about it is
     /// rough, bent, thin or left open; else `None`.
     #[must_use]

@@ -367,7 +367,8 @@ impl Render {
     /// then: not where it was cancelled or paused.
     fn trace(&self, flight: &mut Flight, films: &[&Outputs], watch: &Watch) -> bool {
         let mut frame = self.frame();
-        frame.companions = self.companions_of(&frame, flight.index);
+        let companions = self.companions_of(&frame, flight.index);
+        frame.set_companions(companions);
         let mut pass = self.settings_of(&frame, flight.index);
         if let Some(constant) = self.choices.brightness {
             let counts = &mut flight.counts;

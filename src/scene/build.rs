@@ -243,8 +243,14 @@ impl Scene {
         let wavelengths = distribution(&description.wavelengths, &lights, &fluxes);
         let balls = caster_balls(&objects, &materials, &accel);
         let casters = Casters::new(description.caster_share, balls);
+        let passed = (0u32..)
+            .zip(&objects)
+            .filter(|(_, object)| object.is_passed)
+            .filter_map(|(i, object)| Some((InstanceId(i), object.sensor?)))
+            .collect();
         let mut scene = Self {
             casters,
+            passed,
             has_coverage: objects.iter().any(|o| o.has_alpha),
             has_coatings: materials.iter().any(|m| m.coating.is_some()),
             selection: LightSelection::new(&powers),
@@ -420,12 +426,14 @@ impl Builder {
             }
             self.objects.push(Object {
                 is_interface: material.needs_interior(),
+                is_smooth_interface: material.is_smooth_interface(),
                 clear: material.is_clear_interface() && light.is_none(),
                 has_alpha: material.coverage.is_some()
                     && light.is_none()
                     && object.boundary == Boundary::None,
                 passage: Passage::Blocked,
                 contacts: Vec::new(),
+                is_passed: false,
                 name: object.name,
                 material: object.material,
                 boundary: object.boundary,
@@ -469,10 +477,12 @@ impl Builder {
                     sensor: Some(index),
                     transparent_sensor: detector.transparent,
                     is_interface: false,
+                    is_smooth_interface: false,
                     clear: false,
                     has_alpha: false,
                     passage: Passage::Blocked,
                     contacts: Vec::new(),
+                    is_passed: false,
                 });
             }
             self.sensors.push(Sensor {

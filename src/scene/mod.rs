@@ -70,6 +70,8 @@ pub struct Object {
     pub transparent_sensor: bool,
     /// The material is an interface, which light crosses from one medium into another.
     pub is_interface: bool,
+    /// The material is a smooth interface and no more.
+    pub is_smooth_interface: bool,
     /// Clear interface: walks skip it where the medium does not change.
     pub clear: bool,
     /// Opacity varies: its material has a coverage map.
@@ -78,6 +80,9 @@ pub struct Object {
     pub passage: Passage,
     /// Where other surfaces may be in the same place.
     pub contacts: Vec<Region>,
+    /// A sensor that lets light through, and that nothing touches: rays pass it as if it were not
+    /// there, and are asked afterward.
+    pub is_passed: bool,
 }
 
 impl Object {
@@ -152,6 +157,8 @@ pub struct Scene {
     pub effects: Vec<Effect>,
     /// Chains, once somebody has asked for them.
     chains: OnceLock<Chains>,
+    /// Detectors that rays pass ([`Object::is_passed`]), with their sensors.
+    pub passed: Vec<(InstanceId, usize)>,
     /// Whether any object is there only in part.
     pub has_coverage: bool,
     /// Whether any material has a coating.

@@ -48,6 +48,18 @@ impl SampledWavelengths {
         self.atoms & (1 << lane) != 0
     }
 
+    /// Whether all lanes sit on emission lines.
+    #[must_use]
+    pub fn are_lines(&self) -> bool {
+        self.atoms.count_ones() == u32::from(self.count)
+    }
+
+    /// Whether all lanes have the wavelengths of another set.
+    #[must_use]
+    pub fn are_those_of(&self, other: &Self) -> bool {
+        self.count == other.count && self.lambda_nm == other.lambda_nm
+    }
+
     /// How many lanes have exactly the wavelength of `lane` (itself included): 1 unless lanes
     /// coincide on an atom.
     #[must_use]

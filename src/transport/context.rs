@@ -143,9 +143,44 @@ pub struct MediaLanes {
     coatings: Vec<CoatingLanes>,
 }
 
+/// Sets of wavelengths that are remembered.
+const REMEMBERED: usize = 16;
+
+/// Memory for media and coatings of a scene: paths whose wavelengths are all emission lines have
+/// one of a few sets of them, each of which is looked up once. A memory serves one scene only.
+#[derive(Debug, Default)]
+pub struct MediaMemory {
+    sets: Vec<(SampledWavelengths, MediaLanes)>,
+    /// The next one that another takes the place of.
+    next: usize,
+}
+
+impl MediaMemory {
+    /// Those of `scene` at the wavelengths of a path.
+    pub fn at(&mut self, scene: &Scene, wavelengths: &SampledWavelengths) -> &MediaLanes {
+        let mut place = 0;
+        if wavelengths.are_lines() {
+            let known = |(known, _): &(SampledWavelengths, _)| known.are_those_of(wavelengths);
+            if let Some(found) = self.sets.iter().position(known) {
+                return &self.sets[found].1;
+            }
+            place = self.next;
+            self.next = (place + 1) % REMEMBERED;
+        }
+        if place >= self.sets.len() {
+            place = self.sets.len();
+            self.sets.push((*wavelengths, MediaLanes::default()));
+        }
+        let (known, lanes) = &mut self.sets[place];
+        *known = *wavelengths;
+        lanes.update(scene, wavelengths);
+        lanes
+    }
+}
+
 impl MediaLanes {
     /// Looks everything up at other wavelengths.
-    pub fn update(&mut self, scene: &Scene, wavelengths: &SampledWavelengths) {
+    fn update(&mut self, scene: &Scene, wavelengths: &SampledWavelengths) {
         self.media.clear();
         self.media
             .extend(scene.media.iter().map(|m| m.sample(wavelengths)));
@@ -177,6 +212,8 @@ pub struct PathContext<'a> {
     pub scene: SceneAt<'a>,
     /// The sensor, by index.
     pub sensor: usize,
+    /// Others that its light sub-paths fill as well.
+    pub companions: &'a [usize],
     /// The pass.
     pub pass: &'a PassSettings,
     /// Every medium of the scene at these wavelengths.
@@ -194,6 +231,12 @@ impl<'a> PathContext<'a> {
     #[must_use]
     pub fn moment(&self) -> Moment<'_> {
         self.scene.moment()
+    }
+
+    /// Whether arrivals at a sensor are of use.
+    #[must_use]
+    pub fn reads(&self, sensor: usize) -> bool {
+        sensor == self.sensor || self.companions.contains(&sensor)
     }
 
     /// Lanes in use.

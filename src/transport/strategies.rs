@@ -111,6 +111,12 @@ impl StrategySet<'_> {
         self.hits || self.direct || self.pairs > 0.0 || self.merge.is_some()
     }
 
+    /// Whether any strategy takes the point on the sensor that they start from.
+    #[must_use]
+    pub fn wants_camera_start(&self) -> bool {
+        self.wants_camera_walk() || self.direct_to_detector
+    }
+
     /// Whether any strategy takes light sub-paths of the sample itself.
     #[must_use]
     pub fn wants_light_walk(&self) -> bool {

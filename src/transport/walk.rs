@@ -8,7 +8,8 @@ use super::context::{Counters, PathContext};
 use super::density::{Departure, EdgeDensity, VertexDensity};
 use super::subpath::{Escape, LightHit, SensorHit, Subpath, Vertex};
 use super::throughput::Throughput;
-use crate::bsdf::{BsdfSample, Side};
+use crate::bsdf::lobe::dielectric::Dielectric;
+use crate::bsdf::{BsdfSample, Lobe, Side};
 use crate::geometry::{DirectionalDensity, EndPoint, Face, Faces, Ray, SurfacePoint};
 use crate::math::frame::Frame;
 use crate::medium::MediumStack;
@@ -72,6 +73,7 @@ pub fn walk(
         specular_only,
     } = start;
     let reference = throughput.max_lane(context.count());
+    let has_passed = !scene.passed.is_empty();
     let mut travel = Departure::Start(pdf);
     let mut roulette = 0.0;
     // distance passed since the last vertex, through surfaces that are none
@@ -82,7 +84,32 @@ pub fn walk(
     let mut crossings = 0;
     loop {
         counters.closest_rays += 1;
-        let Some(hit) = scene.closest(&ray, |_| true) else {
+        let hit = scene.closest(&ray, |id| !has_passed || !scene.object(id).is_passed);
+        if has_passed && generate == Side::Camera {
+            let length = hit.map_or(f64::INFINITY, |hit| hit.t);
+            for &(id, sensor) in &scene.passed {
+                if !context.reads(sensor) {
+                    continue;
+                }
+                scene
+                    .geometry
+                    .hits_of(&ray.ending(length, None), id, |hit| {
+                        let point = scene.geometry.surface(&ray, &hit);
+                        record_sensor_hit(
+                            context,
+                            sensor,
+                            path,
+                            &point,
+                            ray.d,
+                            passed + hit.t,
+                            &stack,
+                            &travel,
+                            throughput,
+                        );
+                    });
+            }
+        }
+        let Some(hit) = hit else {
             let own = travel.solid_angle();
             let mut density = VertexDensity::new(own.hero);
             density.own_column = path.store_column(&own);
@@ -110,7 +137,9 @@ pub fn walk(
             gathered.retain(|face| {
                 let object = scene.object(face.point.id.instance);
                 if object.transparent_sensor {
-                    if let (Some(sensor), Side::Camera) = (object.sensor, generate) {
+                    if let (Some(sensor), Side::Camera) = (object.sensor, generate)
+                        && context.reads(sensor)
+                    {
                         record_sensor_hit(
                             context,
                             sensor,
@@ -164,7 +193,7 @@ pub fn walk(
         let object = scene.object(point.id.instance);
         let entering = ray.d.dot(point.ng) < 0.0;
         if let Some(sensor) = object.sensor {
-            if generate == Side::Camera {
+            if generate == Side::Camera && context.reads(sensor) {
                 record_sensor_hit(
                     context, sensor, path, &point, ray.d, distance, &stack, &travel, throughput,
                 );
@@ -213,12 +242,16 @@ pub fn walk(
             });
         }
         let first_lobe = path.lobes.len();
-        scene.material(object.material).push_lobes(
-            point.uv,
-            &context.wavelengths,
-            &context.interface(media, point.id.instance),
-            &mut path.lobes,
-        );
+        if object.is_smooth_interface {
+            path.lobes.push((1.0, Lobe::Dielectric(Dielectric::CLEAR)));
+        } else {
+            scene.material(object.material).push_lobes(
+                point.uv,
+                &context.wavelengths,
+                &context.interface(media, point.id.instance),
+                &mut path.lobes,
+            );
+        }
         let lobes = &path.lobes[first_lobe..];
         path.vertices.push(Vertex {
             p: point.p,
@@ -245,12 +278,12 @@ pub fn walk(
         if !vertex.sides_agree(vertex.toward_previous) {
             return;
         }
-        let numbers = sampler.set(match generate {
+        let draw = match generate {
             Side::Light => Draw::Camera(index),
             Side::Camera => Draw::Light(index),
-        });
+        };
         let given = vertex.toward_previous;
-        let [u_label, u_x, u_y, _] = numbers;
+        let [u_label, u_x, u_y, u_roulette] = sampler.set(draw);
         let scatterer = path.scatterer(index, context);
         let sampled = match (step, context.held) {
             (Some(step), _) => scatterer.sample_label(given, step.label),
@@ -277,7 +310,7 @@ pub fn walk(
         let played = if step.is_some() { 0 } else { index };
         let survival = survival(played, throughput.max_lane(context.count()) / reference);
         if index == 0 {
-            roulette = numbers[3];
+            roulette = u_roulette;
         }
         if roulette >= survival {
             return;

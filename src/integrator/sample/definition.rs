@@ -16,7 +16,7 @@ use crate::spectrum::{MAX_LANES, SensorResponse};
 use crate::transport::oracle::{FullPath, random_factors};
 use crate::transport::record::{Recorded, take};
 use crate::transport::subpath::{Scatterer, Vertex};
-use crate::transport::{Cone, MediaLanes, PassSettings, PathContext, Subpath};
+use crate::transport::{Cone, MediaMemory, PassSettings, PathContext, Subpath};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
@@ -493,7 +493,7 @@ fn check(
         {
             take();
             let response = sample_pixel(&job, &pass, (x, y), SensorResponse::Xyz, &mut workspace);
-            let (mut placements, mut media) = (Placements::default(), MediaLanes::default());
+            let (mut placements, mut media) = (Placements::default(), MediaMemory::default());
             let (placements, media) = (&mut placements, &mut media);
             let xyz = SensorResponse::Xyz;
             let sampler = job.sampler(&pass, (x, y));

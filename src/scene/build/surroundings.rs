@@ -99,6 +99,7 @@ impl Builder {
         }
         for (object, among_solids) in self.objects.iter_mut().zip(among_solids) {
             object.passage = passage(object, among_solids, self.ambient);
+            object.is_passed = object.transparent_sensor && object.contacts.is_empty();
         }
         Ok(contacts)
     }
