@@ -5,6 +5,7 @@ use super::binary::{valid_exr, valid_part};
 use super::models::{valid_animated_glb, valid_glb};
 use abbe::io::image_file;
 use abbe::math::hash::random_bits;
+use rayon::prelude::*;
 
 const MUTATIONS: u64 = 20_000;
 
@@ -39,7 +40,7 @@ fn mutate(valid: &[u8], index: u64, dictionary: &[&[u8]]) -> Vec<u8> {
 fn run(valid: &[u8], dictionary: &[&[u8]], read: fn(&[u8])) {
     let scale = std::env::var("ABBE_TEST_SCALE").ok();
     let scale = scale.and_then(|s| s.parse().ok()).unwrap_or(1);
-    for index in 0..MUTATIONS * scale {
+    (0..MUTATIONS * scale).into_par_iter().for_each(|index| {
         let bytes = mutate(valid, index, dictionary);
         let outcome = std::panic::catch_unwind(|| read(&bytes));
         assert!(
@@ -47,7 +48,7 @@ fn run(valid: &[u8], dictionary: &[&[u8]], read: fn(&[u8])) {
             "mutation {index} panics: {:?}",
             String::from_utf8_lossy(&bytes)
         );
-    }
+    });
 }
 
 #[test]
@@ -200,8 +201,23 @@ fn ply() {
     run(&binary, &dictionary, abbe::io::ply::fuzz_ply);
 }
 
+/// What textures of every kind are mutated with.
+const IN_TEXTURES: [&[u8]; 6] = [
+    &[0; 4],
+    &[255; 4],
+    b"IDAT",
+    b"PLTE",
+    &[0xff, 0xc0],
+    &[0xff, 0xda],
+];
+
+fn run_texture(valid: &[u8]) {
+    assert!(image_file::decode(valid, image_file::Encoding::Stated).is_ok());
+    run(valid, &IN_TEXTURES, image_file::fuzz_image);
+}
+
 #[test]
-fn textures() {
+fn png_textures() {
     let mut png = Vec::new();
     let mut encoder = png::Encoder::new(&mut png, 8, 8);
     encoder.set_color(png::ColorType::Rgba);
@@ -209,22 +225,20 @@ fn textures() {
     let mut writer = encoder.write_header().expect("header");
     writer.write_image_data(&data).expect("data");
     writer.finish().expect("end");
-    let dictionary: [&[u8]; 6] = [
-        &[0; 4],
-        &[255; 4],
-        b"IDAT",
-        b"PLTE",
-        &[0xff, 0xc0],
-        &[0xff, 0xda],
-    ];
-    run(&png, &dictionary, abbe::io::image_file::fuzz_image);
-    run(
-        include_bytes!("tiny.jpg"),
-        &dictionary,
-        abbe::io::image_file::fuzz_image,
-    );
-    run(&valid_exr(), &dictionary, abbe::io::image_file::fuzz_image);
-    // a JPEG with a profile: a segment after its first marker
+    run_texture(&png);
+}
+
+#[test]
+fn jpeg_textures() {
+    run_texture(include_bytes!("tiny.jpg"));
+    run_texture(include_bytes!(
+        "../models/cases/damaged/jpeg_scan_per_component.jpg"
+    ));
+}
+
+#[test]
+fn jpeg_textures_with_a_profile() {
+    // a segment after the first marker
     let profile = moxcms::ColorProfile::new_display_p3()
         .encode()
         .expect("encodes");
@@ -233,15 +247,21 @@ fn textures() {
     profiled.extend(b"ICC_PROFILE\0\x01\x01");
     profiled.extend(profile);
     profiled.extend(&include_bytes!("tiny.jpg")[2..]);
-    let scans = include_bytes!("../models/cases/damaged/jpeg_scan_per_component.jpg");
+    run_texture(&profiled);
+}
+
+#[test]
+fn openexr_textures() {
+    run_texture(&valid_exr());
+}
+
+#[test]
+fn radiance_textures() {
     let mut picture = b"#?RADIANCE\nEXPOSURE=2\nPRIMARIES=.64 .33 .29 .6 .15 .06 .333 .333\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 8\n".to_vec();
     for _ in 0..2 {
         picture.extend([
             2, 2, 0, 8, 136, 128, 8, 1, 2, 3, 4, 5, 6, 7, 8, 136, 0, 136, 129,
         ]);
     }
-    for valid in [&profiled[..], scans, &picture] {
-        assert!(image_file::decode(valid, image_file::Encoding::Stated).is_ok());
-        run(valid, &dictionary, image_file::fuzz_image);
-    }
+    run_texture(&picture);
 }

@@ -263,7 +263,7 @@ emission = { name = "D65", luminance = 4 }
 "#
         ),
         batches: 16,
-        passes: [300, 300, 120],
+        passes: [230, 210, 110],
         classes: &["LE", "LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 1.5e-3,
@@ -344,7 +344,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [130, 440, 70],
+        passes: [75, 440, 64],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2e-3,
@@ -410,7 +410,7 @@ directional = { direction = [0.3, -1, 0.2], irradiance = 0.5 }
 beam = { position = [0, 2, 0.2], direction = [-0.1, -1, 0], radius = 0.2, irradiance = 2 }
 "#,
         batches: 16,
-        passes: [1200, 4000, 500],
+        passes: [800, 3300, 500],
         classes: &["LE", "LDE", "LDDE"],
         specular_in_view: false,
         resolution: 1.5e-3,
