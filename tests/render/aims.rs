@@ -1,9 +1,10 @@
 //! Chains that are solved for: alone, in the sum, and in every lane.
 
 use super::equality::compare;
-use super::harness::{measure, scene, scene_in};
+use super::harness::{measure, measure_under, scene, scene_in};
 use abbe::scene::Settings;
 use abbe::scene::settings::Aiming;
+use abbe::transport::aim::tries::{Origin, Tries};
 use std::path::Path;
 
 fn aimed(settings: &Settings, aim: Aiming, lanes: usize) -> Settings {
@@ -191,6 +192,57 @@ fn aims_agree_with_joins_in_every_lane() {
         for (i, class) in classes.iter().enumerate() {
             let what = format!("{class}, {lanes} lanes");
             compare("ball", &what, &found.classes[i], &plain.classes[i], 0.08);
+        }
+    }
+}
+
+#[test]
+fn how_often_chains_are_tried_changes_no_mean() {
+    let (scene, settings) = scene(BALL);
+    let classes = ["LSSDE", "LDSSE"];
+    let kinds = scene.chains().kinds().len();
+    let plain = measure(&scene, &aimed(&settings, Aiming::Off, 4), 16, 120, &classes);
+    let settings = aimed(&settings, Aiming::All, 4);
+    let is_light = |origin| {
+        matches!(
+            origin,
+            Origin::Vertex {
+                at_sensor: true,
+                ..
+            }
+        )
+    };
+    let is_camera = |origin| {
+        matches!(
+            origin,
+            Origin::Vertex {
+                at_sensor: false,
+                ..
+            }
+        )
+    };
+    // everywhere; from one side alone; of every second kind
+    let cases: [(&str, &dyn Fn(Origin, usize) -> f32); 5] = [
+        ("a quarter of the tries", &|_, _| 0.25),
+        ("all tries", &|_, _| 1.0),
+        ("from camera vertices", &|o, _| {
+            f32::from(u8::from(is_camera(o)))
+        }),
+        ("from light vertices", &|o, _| {
+            f32::from(u8::from(is_light(o)))
+        }),
+        ("every second kind", &|_, kind| 0.5 * (kind % 2) as f32),
+    ];
+    for (what, share) in cases {
+        let of = |origin| (0..kinds).map(move |kind| share(origin, kind));
+        let shares: Vec<f32> = Origin::all().flat_map(of).collect();
+        let tries = Tries::new(kinds, shares).expect("one for each");
+        let found = measure_under(&scene, &settings, (16, 24), &classes, |choices| {
+            choices.tries.as_mut().expect("chains are solved for").tries = tries.clone();
+        });
+        for (i, class) in classes.iter().enumerate() {
+            let what = format!("{class}, {what}");
+            compare("ball", &what, &found.classes[i], &plain.classes[i], 0.035);
         }
     }
 }

@@ -129,6 +129,17 @@ pub fn measure(
     passes: u32,
     classes: &[&str],
 ) -> Measured {
+    measure_under(scene, settings, (batches, passes), classes, |_| ())
+}
+
+/// The same, after `change` of what pilots found.
+pub fn measure_under(
+    scene: &Arc<Scene>,
+    settings: &Settings,
+    (batches, passes): (u32, u32),
+    classes: &[&str],
+    change: impl Fn(&mut Choices),
+) -> Measured {
     let valid = "invariant: tests give valid expressions";
     let classes: Vec<PathExpression> = classes
         .iter()
@@ -152,6 +163,7 @@ pub fn measure(
         // strategies of small weights are compared alone: all of their shadow rays are needed
         choices.roulette_threshold = 0.0;
     }
+    change(&mut choices);
     let all: Vec<Batch> = (0..batches)
         .into_par_iter()
         .map(|batch| {
