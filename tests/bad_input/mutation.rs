@@ -201,7 +201,7 @@ fn ply() {
     run(&binary, &dictionary, abbe::io::ply::fuzz_ply);
 }
 
-/// What textures of every kind are mutated with.
+/// Pieces that mutations of textures take in.
 const IN_TEXTURES: [&[u8]; 6] = [
     &[0; 4],
     &[255; 4],

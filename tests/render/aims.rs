@@ -221,19 +221,7 @@ fn how_often_chains_are_tried_changes_no_mean() {
             }
         )
     };
-    // everywhere; from one side alone; of every second kind
-    let cases: [(&str, &dyn Fn(Origin, usize) -> f32); 5] = [
-        ("a quarter of the tries", &|_, _| 0.25),
-        ("all tries", &|_, _| 1.0),
-        ("from camera vertices", &|o, _| {
-            f32::from(u8::from(is_camera(o)))
-        }),
-        ("from light vertices", &|o, _| {
-            f32::from(u8::from(is_light(o)))
-        }),
-        ("every second kind", &|_, kind| 0.5 * (kind % 2) as f32),
-    ];
-    for (what, share) in cases {
+    let check = |what: &str, share: &dyn Fn(Origin, usize) -> f32| {
         let of = |origin| (0..kinds).map(move |kind| share(origin, kind));
         let shares: Vec<f32> = Origin::all().flat_map(of).collect();
         let tries = Tries::new(kinds, shares).expect("one for each");
@@ -244,5 +232,14 @@ fn how_often_chains_are_tried_changes_no_mean() {
             let what = format!("{class}, {what}");
             compare("ball", &what, &found.classes[i], &plain.classes[i], 0.035);
         }
-    }
+    };
+    check("a quarter of the tries", &|_, _| 0.25);
+    check("all tries", &|_, _| 1.0);
+    check("from camera vertices", &|origin, _| {
+        f32::from(u8::from(is_camera(origin)))
+    });
+    check("from light vertices", &|origin, _| {
+        f32::from(u8::from(is_light(origin)))
+    });
+    check("every second kind", &|_, kind| 0.5 * (kind % 2) as f32);
 }
