@@ -30,7 +30,7 @@ pub fn compare(name: &str, what: &str, a: &Estimate, b: &Estimate, resolution: f
     let error = a.error.hypot(b.error);
     let mean = 0.5 * (a.mean + b.mean);
     println!(
-        "{name} {what}: {:.6} and {:.6}, standard error {:.2e} of the mean",
+        "{name} {what}: {:.6} and {:.6}, standard error {:.2e} of the mean, at most {resolution:.1e}",
         a.mean,
         b.mean,
         error / mean

@@ -49,7 +49,7 @@ impl Estimate {
     /// too coarse to tell.
     pub fn assert_is(&self, what: &str, expected: f64, resolution: f64) {
         println!(
-            "{what}: {:.6} for {expected:.6}, standard error {:.1e} of it",
+            "{what}: {:.6} for {expected:.6}, standard error {:.1e} of it, at most {resolution:.1e}",
             self.mean,
             self.error / expected.abs()
         );
