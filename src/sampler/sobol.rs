@@ -7,14 +7,11 @@ use sobol_burley::parts::{
 };
 use std::sync::LazyLock;
 
-/// Sets of four dimensions that draws ask for.
-const SETS: usize = STRATIFIED + 2;
-
 /// Sums of columns of the matrices of a set, for each value of each four of the sixteen digits of
 /// an index.
 type Table = [[Int4; 16]; 4];
 
-static TABLES: LazyLock<Vec<Table>> = LazyLock::new(|| (0..SETS as u32).map(table).collect());
+static TABLES: LazyLock<Vec<Table>> = LazyLock::new(|| (0..STRATIFIED as u32).map(table).collect());
 
 fn table(set: u32) -> Table {
     std::array::from_fn(|four| {
@@ -47,7 +44,7 @@ mod tests {
         for case in 0..20_000u64 {
             let bits = random_bits(case, 1);
             let index = bits as u32 & 0xffff;
-            let (set, seed) = (case as u32 % SETS as u32, (bits >> 32) as u32);
+            let (set, seed) = (case as u32 % STRATIFIED as u32, (bits >> 32) as u32);
             let want = sobol_burley::sample_4d(index, set, seed);
             assert_eq!(sample(index, set, seed), want, "{index} {set} {seed}");
         }

@@ -26,18 +26,12 @@ def scenes():
     return sorted(ROOT.glob("scenes/*.toml")) + sorted(ROOT.glob("scenes/bench/*.toml"))
 
 
-def kinds(abbe, scene):
-    """Kinds of chains that a scene has."""
+def camera_of(abbe, scene):
+    """Size of the film of the first sensor, where it is a camera and the scene has chains."""
     text = subprocess.run([abbe, "info", scene], capture_output=True, text=True).stdout
-    found = re.search(r"^\s*([\d,]+) kinds?,", text, re.MULTILINE)
-    return int(found[1].replace(",", "")) if found else 0
-
-
-def camera_size(abbe, scene):
-    """Size of the film of the first sensor, where it is a camera."""
-    text = subprocess.run([abbe, "info", scene], capture_output=True, text=True).stdout
-    found = re.search(r"^sensors\n\s+\S+\s+perspective, (\d+) x (\d+) pixels", text, re.MULTILINE)
-    return found and (int(found[1]), int(found[2]))
+    kinds = re.search(r"^\s*(\d+) kinds?,", text, re.MULTILINE)
+    size = re.search(r"^sensors\n\s+\S+\s+perspective, (\d+) x (\d+) pixels", text, re.MULTILINE)
+    return (int(size[1]), int(size[2])) if kinds and int(kinds[1]) and size else None
 
 
 def render(abbe, scene, size, passes, seed, options, folder):
@@ -72,8 +66,8 @@ def main():
     rows = []
     with tempfile.TemporaryDirectory() as name:
         for scene in scenes():
-            size = camera_size(args.abbe, scene)
-            if wanted and scene.stem not in wanted or not size or not kinds(args.abbe, scene):
+            size = camera_of(args.abbe, scene)
+            if wanted and scene.stem not in wanted or not size:
                 continue
             passes = max(1, round(args.paths / min(40_000, size[0] * size[1])))
             row, seconds = render(args.abbe, scene, size, passes, args.seed, args.options.split(), pathlib.Path(name))

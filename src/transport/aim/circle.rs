@@ -211,6 +211,6 @@ pub(super) fn solve(
                 found(&chain.iter().enumerate().map(lift).collect());
             });
         }
-        _ => {}
+        Surface::Plane { .. } | Surface::Quadric(_) | Surface::Mesh(_) | Surface::Triangle(_) => {}
     }
 }

@@ -122,7 +122,11 @@ pub fn is_solvable(bounces: &[Bounce], eta: &[f64]) -> bool {
     match bounces {
         [only] => match only.surface {
             Surface::Cylinder { .. } => !only.transmits,
-            _ => true,
+            Surface::Plane { .. }
+            | Surface::Sphere { .. }
+            | Surface::Quadric(_)
+            | Surface::Mesh(_)
+            | Surface::Triangle(_) => true,
         },
         [first, inner @ .., last] => {
             matches!(first.surface, Surface::Sphere { .. })
@@ -205,7 +209,13 @@ pub fn solve(
                 _ => ball.across(eta[1] / eta[0], bounces.len() - 1, far, to, checked),
             }
         }
-        _ => {}
+        (
+            _,
+            Surface::Cylinder { .. }
+            | Surface::Quadric(_)
+            | Surface::Mesh(_)
+            | Surface::Triangle(_),
+        ) => {}
     }
 }
 
