@@ -37,57 +37,82 @@ pub struct MediumLanes {
     pub dispersive: bool,
 }
 
+/// What holds of a medium at all wavelengths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MediumKind {
+    /// The k table of its index absorbs.
+    uses_k: bool,
+    /// The index varies with wavelength.
+    dispersive: bool,
+}
+
 impl Medium {
+    /// What holds of it at all wavelengths: looked for in its tables.
+    #[must_use]
+    pub fn kind(&self) -> MediumKind {
+        MediumKind {
+            uses_k: self.use_k && self.ior.is_absorbing(),
+            dispersive: self.ior.is_dispersive(),
+        }
+    }
+
     /// Index and absorption at the wavelengths of a path.
     #[must_use]
     pub fn sample(&self, wavelengths: &SampledWavelengths) -> MediumLanes {
-        let n = wavelengths.count();
-        let eta = std::array::from_fn(|j| {
-            if j < n {
-                self.ior.n(wavelengths.lambda_nm(j))
-            } else {
-                1.0
-            }
-        });
-        let uses_k = self.use_k && self.ior.is_absorbing();
-        let absorption = (uses_k || self.absorption.is_some()).then(|| {
-            std::array::from_fn(|j| {
-                if j >= n {
-                    return 0.0;
-                }
+        self.sample_as(self.kind(), wavelengths)
+    }
+
+    /// The same of a medium whose kind is known.
+    #[must_use]
+    pub fn sample_as(&self, kind: MediumKind, wavelengths: &SampledWavelengths) -> MediumLanes {
+        let used = 0..wavelengths.count();
+        let mut eta = [1.0; MAX_LANES];
+        for j in used.clone() {
+            eta[j] = self.ior.n(wavelengths.lambda_nm(j));
+        }
+        let absorption = (kind.uses_k || self.absorption.is_some()).then(|| {
+            let mut lanes = [0.0; MAX_LANES];
+            for j in used {
                 let nm = wavelengths.lambda_nm(j);
-                let from_k = if uses_k {
+                let from_k = if kind.uses_k {
                     4.0 * std::f64::consts::PI * self.ior.k(nm) / (nm * 1e-9)
                 } else {
                     0.0
                 };
-                from_k + self.absorption.as_ref().map_or(0.0, |a| a.eval(nm))
-            })
+                lanes[j] = from_k + self.absorption.as_ref().map_or(0.0, |a| a.eval(nm));
+            }
+            lanes
         });
         MediumLanes {
             eta,
             absorption,
-            dispersive: self.ior.is_dispersive(),
+            dispersive: kind.dispersive,
         }
     }
 }
 
 impl MediumLanes {
-    /// Beer-Lambert transmittance over `distance` (m); 1 over an infinite one, for light from
-    /// infinity is given as it arrives.
+    /// Whether nothing is absorbed, however long the way.
     #[must_use]
-    pub fn transmittance(&self, distance: f64) -> SampledSpectrum {
-        match &self.absorption {
-            Some(a) if distance.is_finite() => SampledSpectrum::from_fn(|j| {
-                // also in the lanes that are not in use
-                if a[j] == 0.0 {
-                    1.0
-                } else {
-                    (-a[j] * distance).exp() as f32
-                }
-            }),
-            _ => SampledSpectrum::ONE,
+    #[inline]
+    pub fn is_clear(&self) -> bool {
+        self.absorption.is_none()
+    }
+
+    /// Beer-Lambert transmittance over `distance` (m) in the first `count` lanes; 1 over an infinite
+    /// one, for light from infinity is given as it arrives.
+    #[must_use]
+    #[inline]
+    pub fn transmittance(&self, distance: f64, count: usize) -> SampledSpectrum {
+        let mut out = SampledSpectrum::ONE;
+        if let Some(a) = &self.absorption
+            && distance.is_finite()
+        {
+            for (out, a) in out.0.iter_mut().zip(a).take(count) {
+                *out = (-a * distance).exp() as f32;
+            }
         }
+        out
     }
 }
 
@@ -173,37 +198,48 @@ impl MediumStack {
         self.solids().last().map(|s| s.0)
     }
 
-    /// The stack after crossing `boundary` of `solid`. `entering`: travelling against the geometric
-    /// normal. `None` if more than [`MOST_NESTED`] solids nest.
+    /// The stack after crossing `boundary` of `solid`: [`MediumStack::cross`].
     #[must_use]
+    #[inline]
     pub fn crossed(&self, boundary: Boundary, solid: InstanceId, entering: bool) -> Option<Self> {
         let mut next = *self;
-        let count = self.count as usize;
+        next.cross(boundary, solid, entering).then_some(next)
+    }
+
+    /// Crosses `boundary` of `solid`. `entering`: travelling against the geometric normal. `false`
+    /// if more than [`MOST_NESTED`] solids nest.
+    #[inline]
+    pub fn cross(&mut self, boundary: Boundary, solid: InstanceId, entering: bool) -> bool {
         match boundary {
-            Boundary::None => {}
+            Boundary::None => true,
             Boundary::Solid { medium, priority } => {
-                let rank = Rank { priority, solid };
-                if entering {
-                    let at = self.solids().partition_point(|s| s.0 < rank);
-                    if self.solids().get(at).is_none_or(|s| s.0 != rank) {
-                        if count == MOST_NESTED {
-                            return None;
-                        }
-                        next.nested.copy_within(at..count, at + 1);
-                        next.nested[at] = (rank, medium);
-                        next.count += 1;
-                    }
-                } else if let Some(at) = self.solids().iter().position(|s| s.0 == rank) {
-                    next.nested.copy_within(at + 1..count, at);
-                    next.nested[count - 1] = NO_SOLID;
-                    next.count -= 1;
-                }
+                self.cross_solid((Rank { priority, solid }, medium), entering)
             }
             Boundary::Interface { above, below } => {
-                next.outside = if entering { below } else { above }
+                self.outside = if entering { below } else { above };
+                true
             }
         }
-        Some(next)
+    }
+
+    fn cross_solid(&mut self, (rank, medium): (Rank, MediumId), entering: bool) -> bool {
+        let count = self.count as usize;
+        if entering {
+            let at = self.solids().partition_point(|s| s.0 < rank);
+            if self.solids().get(at).is_none_or(|s| s.0 != rank) {
+                if count == MOST_NESTED {
+                    return false;
+                }
+                self.nested.copy_within(at..count, at + 1);
+                self.nested[at] = (rank, medium);
+                self.count += 1;
+            }
+        } else if let Some(at) = self.solids().iter().position(|s| s.0 == rank) {
+            self.nested.copy_within(at + 1..count, at);
+            self.nested[count - 1] = NO_SOLID;
+            self.count -= 1;
+        }
+        true
     }
 }
 
@@ -211,6 +247,7 @@ impl MediumStack {
     /// Whether `boundary` of `solid` can be met here from this side: solids are left only from
     /// inside, and interfaces name the medium that is really there.
     #[must_use]
+    #[inline]
     pub fn agrees(&self, boundary: Boundary, solid: InstanceId, entering: bool) -> bool {
         match boundary {
             Boundary::None => true,

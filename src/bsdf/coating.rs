@@ -15,6 +15,10 @@ pub struct CoatingLanes {
     /// Index and thickness in nanometers of each layer as light from above meets them, lane by
     /// lane.
     layers: Vec<(Complex64, f64)>,
+    /// Index of each layer that does not absorb, and its phase at normal incidence over the index.
+    clear: Vec<(f64, f64)>,
+    /// Layers per lane.
+    count: usize,
     absorbs: bool,
 }
 
@@ -31,14 +35,20 @@ impl CoatingLanes {
     pub fn update(&mut self, stack: Option<&Stack>, wavelengths: &SampledWavelengths) {
         self.lambda_nm.clear();
         self.layers.clear();
+        self.clear.clear();
         let Some(stack) = stack else {
             return;
         };
         for k in 0..wavelengths.count() {
             let nm = wavelengths.lambda_nm(k);
             self.lambda_nm.push(nm);
+            let known = self.layers.len();
             self.layers.extend(stack.layers_at(nm));
+            let added = self.layers[known..].iter();
+            self.clear
+                .extend(added.map(|(n, thickness)| (n.re, coating::phase(*thickness, nm))));
         }
+        self.count = stack.layers.len();
         self.absorbs = self.layers.iter().any(|(n, _)| n.im != 0.0);
     }
 
@@ -55,6 +65,7 @@ impl CoatingLanes {
 
     /// Response in lane `k` to light of a polarization at cosine `cos` in the medium of index
     /// `near`, on the side `above` or not, before the medium of index `far`.
+    #[inline]
     pub(super) fn response(
         &self,
         k: usize,
@@ -63,8 +74,20 @@ impl CoatingLanes {
         [near, far]: [f64; 2],
         polarization: Polarization,
     ) -> Response {
-        let count = self.layers.len() / self.lambda_nm.len();
-        let layers = self.layers[k * count..(k + 1) * count].iter().copied();
+        let count = self.count;
+        let range = k * count..(k + 1) * count;
+        if !self.absorbs {
+            let layers = self.clear[range.clone()].iter().copied();
+            let found = if above {
+                coating::response_of_clear(layers, near, far, cos)
+            } else {
+                coating::response_of_clear(layers.rev(), near, far, cos)
+            };
+            if let Some(found) = found {
+                return Response::of_clear(found, polarization);
+            }
+        }
+        let layers = self.layers[range].iter().copied();
         let (nm, far) = (self.lambda_nm[k], Complex64::from(far));
         if above {
             coating::response(&layers, nm, near, far, cos, polarization)

@@ -42,6 +42,7 @@ impl<'a> Interface<'a> {
     }
 
     /// `f` of each lane in use, 0 in the others.
+    #[inline]
     pub(super) fn lanes(&self, mut f: impl FnMut(usize) -> f64) -> SampledSpectrum {
         let mut out = SampledSpectrum::ZERO;
         for k in 0..self.count {
@@ -67,6 +68,7 @@ impl<'a> Interface<'a> {
 
     /// Reflectance and transmittance of the smooth interface in lane `k` at cosine `cos` on the
     /// side `above`, with its coating.
+    #[inline]
     pub(super) fn response(&self, k: usize, cos: f64, above: bool) -> [f64; 2] {
         let (near, far) = self.sides(above);
         let indices = [near[k], far[k]];
@@ -92,6 +94,7 @@ impl<'a> Interface<'a> {
     }
 
     /// Reflectance and transmittance in each lane in use, 0 in the others.
+    #[inline]
     pub(super) fn responses(&self, cos: f64, above: bool) -> [[f64; 2]; MAX_LANES] {
         let mut out = [[0.0; 2]; MAX_LANES];
         if self.coating.is_some() {

@@ -224,7 +224,16 @@ impl Bsdf<'_> {
     /// then two for the direction. `None` when the sample fails (GGX below the surface, nothing to
     /// scatter).
     #[must_use]
+    #[inline]
     pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
+        if let [(1.0, Lobe::Dielectric(lobe))] = self.lobes {
+            let u = u[0].min(1.0 - f64::EPSILON);
+            return self.sample_interface(lobe, 1.0, given, u);
+        }
+        self.sample_mixture(given, generate, u)
+    }
+
+    fn sample_mixture(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
         let (lobe, rest) = self.choose_lobe(u[0])?;
         let above = given.z > 0.0;
         let cos = given.z.abs();

@@ -6,7 +6,9 @@ use super::gap::Gaps;
 use super::ray::LocalRay;
 use super::tree::Tree;
 use super::tree_walk::Boxes;
-use super::{Hit, Instance, InstanceId, Moment, Ray, Shape, SurfaceId, SurfacePoint, instance};
+use super::{
+    Hit, Instance, InstanceId, Moment, Ray, Shape, SurfaceId, SurfacePoint, Transform, instance,
+};
 use glam::{DVec2, DVec3};
 
 /// All instances of a scene, ready for ray queries.
@@ -174,8 +176,16 @@ impl<'a> AccelAt<'a> {
         if !visible(crossing.to()) {
             return None;
         }
-        let hit = self.hit_of(ray, crossing.to())?;
-        crossing.is_free(hit.t).then_some(hit)
+        let Shape::Lens(lens) = &self.accel.instance(crossing.to()).shape else {
+            return None;
+        };
+        let (t, prim) = lens.hit(&crossing.local(ray, lens.extent()))?;
+        let id = SurfaceId {
+            instance: crossing.to(),
+            prim,
+        };
+        let uv = DVec2::ZERO;
+        crossing.is_free(t).then_some(Hit { t, id, uv })
     }
 
     /// The hits of one instance within a ray, from near to far.
@@ -309,6 +319,13 @@ impl<'a> AccelAt<'a> {
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
         let instance = self.accel.instance(hit.id.instance);
+        if let (Shape::Lens(lens), Transform::Static(placement)) =
+            (&instance.shape, &instance.transform)
+        {
+            let p = placement.to_object.transform_point3(ray.o + ray.d * hit.t);
+            let point = lens.point(hit.id.prim, p);
+            return instance::to_world(hit.id.instance, placement, &point);
+        }
         let placement = instance.transform.at(self.moment);
         let p = placement.to_object.transform_point3(ray.o + ray.d * hit.t);
         let point = instance

@@ -8,7 +8,10 @@
 //! also passes through the holes of all rings, nothing is in its way. Any other ray is left to the
 //! tree: what is found here is what the tree finds.
 
+use super::motion::Placement;
+use super::ray::LocalRay;
 use super::{Instance, InstanceId, Ray, Shape, Transform};
+use crate::math::predicates::transformed_error;
 use crate::optics::{Outline, Profile};
 use arrayvec::ArrayVec;
 use glam::{DAffine3, DVec2, DVec3};
@@ -28,6 +31,10 @@ struct Gap {
     /// The surface on the other side.
     to: InstanceId,
     to_object: DAffine3,
+    /// Direction of its axis in the world, of any length.
+    axis: DVec3,
+    /// Bound of the rounding error of where rays start that leave the first surface in the gap.
+    start_error: f64,
     /// Curvature and conic constant of the first surface and where its vertex is on the axis; of
     /// the second one, whose vertex is at 0.
     from_shape: (f64, f64, f64),
@@ -117,7 +124,7 @@ impl Gaps {
 
     /// Where an open ray that leaves an instance likely ends: the surface across the gap on this
     /// side, and what [`Crossing::is_free`] is asked then.
-    #[inline]
+    #[inline(always)]
     pub fn ahead<'a>(&'a self, ray: &Ray, from: InstanceId) -> Option<Crossing<'a>> {
         let sides = self.of.get(from.0 as usize)?;
         if *sides == [NONE; 2] {
@@ -125,8 +132,7 @@ impl Gaps {
         }
         // both gaps, where there are two, are about one axis
         let any = if sides[0] == NONE { sides[1] } else { sides[0] };
-        let up = self.gaps[any as usize].to_object.matrix3.transpose().z_axis;
-        let side = usize::from(up.dot(ray.d) < 0.0);
+        let side = usize::from(self.gaps[any as usize].axis.dot(ray.d) < 0.0);
         let gap = self.gaps.get(sides[side] as usize)?;
         Some(Crossing {
             gap,
@@ -149,8 +155,18 @@ impl Crossing<'_> {
         self.gap.to
     }
 
+    /// The ray as that surface sees it.
+    pub fn local<'a>(&'a self, ray: &'a Ray, extent: f64) -> LocalRay<'a> {
+        let Gap {
+            to_object,
+            start_error,
+            ..
+        } = &self.gap;
+        LocalRay::across(ray, (self.o, self.d), to_object, extent, *start_error)
+    }
+
     /// Whether nothing is in the way to the hit of that surface at `t`.
-    #[inline]
+    #[inline(always)]
     pub fn is_free(&self, t: f64) -> bool {
         let Gap {
             from_shape: (from_c, from_k, from_z),
@@ -326,9 +342,13 @@ fn gap(instances: &[Instance], i: usize, j: usize) -> Option<Gap> {
         return None;
     };
     let (from_c, from_k) = from.profile.base();
+    let (middle, half) = in_world(placement, low, high);
+    let farthest = middle.abs() + half;
     Some(Gap {
         to: InstanceId(j as u32),
         to_object: placement.to_object,
+        axis: placement.to_object.matrix3.transpose().z_axis,
+        start_error: 2.0 * transformed_error(&placement.to_object, farthest, lens.extent()),
         from_shape: (from_c, from_k, from.z),
         to_shape: second.profile.base(),
         radius_squared: radius * radius,
@@ -404,12 +424,8 @@ fn round_in(instance: &Instance, of: &Instance) -> Option<(Cap, f64)> {
     }
 }
 
-/// Whether the bounds of an instance reach into a box in the space of another.
-fn reaches_into(instance: &Instance, of: &Instance, low: DVec3, high: DVec3) -> bool {
-    let Transform::Static(placement) = &of.transform else {
-        return true;
-    };
-    // the box in the world
+/// Middle and half the size of the box in the world that holds a box in another space.
+fn in_world(placement: &Placement, low: DVec3, high: DVec3) -> (DVec3, DVec3) {
     let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
     let rows = placement.to_world.matrix3.transpose();
     let reach = DVec3::new(
@@ -417,7 +433,15 @@ fn reaches_into(instance: &Instance, of: &Instance, low: DVec3, high: DVec3) -> 
         rows.y_axis.abs().dot(half),
         rows.z_axis.abs().dot(half),
     );
-    let middle = placement.to_world.transform_point3(middle);
+    (placement.to_world.transform_point3(middle), reach)
+}
+
+/// Whether the bounds of an instance reach into a box in the space of another.
+fn reaches_into(instance: &Instance, of: &Instance, low: DVec3, high: DVec3) -> bool {
+    let Transform::Static(placement) = &of.transform else {
+        return true;
+    };
+    let (middle, reach) = in_world(placement, low, high);
     let (from, to) = instance.bounds();
     let slack = SLACK * reach.max_element();
     (from - slack).cmple(middle + reach).all() && (to + slack).cmpge(middle - reach).all()

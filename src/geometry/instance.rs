@@ -58,6 +58,7 @@ impl Instance {
 }
 
 /// A point of the shape, in the world.
+#[inline]
 pub(super) fn to_world(id: InstanceId, placement: &Placement, point: &LocalPoint) -> SurfacePoint {
     let ng = placement.normal_to_world(point.ng);
     let ns = match point.ns.map(|n| placement.normal_to_world(n)) {

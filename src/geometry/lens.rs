@@ -7,6 +7,7 @@
 
 use super::analytic::FaceHit;
 use super::ray::LocalRay;
+use super::shape::LocalPoint;
 use crate::optics::{LensSurface, Outline, Profile};
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -96,7 +97,21 @@ impl LensShape {
         }
     }
 
+    /// What is known of the point nearest to `p`, which lies next to the surface.
+    #[inline]
+    pub(super) fn point(&self, prim: u32, p: DVec3) -> LocalPoint {
+        let (p, ng) = self.nearest(p);
+        LocalPoint {
+            p,
+            ng,
+            ns: None,
+            uv: self.uv(p),
+            prim,
+        }
+    }
+
     /// The point nearest to `p`, which lies next to the surface, and the unit normal there.
+    #[inline]
     pub(super) fn nearest(&self, p: DVec3) -> (DVec3, DVec3) {
         let (above, slope) = self.height(p);
         let q = p - slope * (above / slope.length_squared());
@@ -104,6 +119,7 @@ impl LensShape {
     }
 
     /// A function that is 0 on the surface, and its gradient.
+    #[inline]
     fn height(&self, p: DVec3) -> (f64, DVec3) {
         if let Profile::Conic { curvature, conic } = self.surface.profile {
             // z - c (r^2 + (1 + k) z^2) / 2: without the root that ends where the surface does

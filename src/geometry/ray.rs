@@ -81,6 +81,8 @@ pub(super) struct LocalRay<'a> {
     world: &'a Ray,
     to_object: &'a DAffine3,
     extent: f64,
+    /// Bound of the rounding error of the origin, where one is known; else infinite.
+    start_error: f64,
 }
 
 impl<'a> LocalRay<'a> {
@@ -105,6 +107,31 @@ impl<'a> LocalRay<'a> {
             world: ray,
             to_object,
             extent,
+            start_error: f64::INFINITY,
+        }
+    }
+
+    /// An open ray that starts on another instance, with its origin and direction in the space of
+    /// this one and a bound of the rounding error of that origin.
+    #[inline]
+    pub fn across(
+        ray: &'a Ray,
+        (o, d): (DVec3, DVec3),
+        to_object: &'a DAffine3,
+        extent: f64,
+        start_error: f64,
+    ) -> Self {
+        Self {
+            o,
+            d,
+            t_max: ray.t_max,
+            start: None,
+            end: None,
+            t_end: ray.t_max,
+            world: ray,
+            to_object,
+            extent,
+            start_error,
         }
     }
 
@@ -127,7 +154,14 @@ impl<'a> LocalRay<'a> {
     #[inline(always)]
     pub fn counts(&self, t: f64, approach: impl FnOnce() -> f64) -> bool {
         let Ray { start, end, .. } = self.world;
-        self.reaches(t) && (start.is_none() && end.is_none() || self.is_apart(t, approach()))
+        self.reaches(t) && (start.is_none() && end.is_none() || self.is_far(t, approach()))
+    }
+
+    /// The answer of [`LocalRay::is_apart`], from the bound of the error where that suffices.
+    #[inline(always)]
+    fn is_far(&self, t: f64, approach: f64) -> bool {
+        let is_known = self.world.end.is_none() && t * approach >= self.start_error;
+        is_known || self.is_apart(t, approach)
     }
 
     /// Whether a face is farther from both ends of the ray than the rounding errors of these.

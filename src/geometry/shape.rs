@@ -171,10 +171,7 @@ impl Shape {
                     square(DVec2::new(q[(axis + 1) % 3], q[(axis + 2) % 3])),
                 )
             }
-            Self::Lens(lens) => {
-                let (p, n) = lens.nearest(p);
-                flat(p, n, lens.uv(p))
-            }
+            Self::Lens(lens) => lens.point(prim, p),
             Self::Mesh(mesh) => mesh.local_point(prim, weights, time),
             Self::Deforming(mesh) => mesh.local_point(prim, weights, time),
         }

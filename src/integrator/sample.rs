@@ -307,6 +307,7 @@ pub(super) fn begin<'a>(
         response: response.at(&wavelengths),
         wavelengths,
         held,
+        asked: job.strategies.asked(),
     }
 }
 
@@ -418,7 +419,9 @@ fn sample(
             joiner.hit_light(camera, hit);
         }
         joiner.direct(camera, j);
-        joiner.aim_at_light(camera, j);
+        if strategies.aims.light {
+            joiner.aim_at_light(camera, j);
+        }
     }
     joiner.hit_environment(camera);
     let light_paths = match job.light_walks {

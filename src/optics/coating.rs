@@ -69,6 +69,16 @@ pub struct Response {
 }
 
 impl Response {
+    /// That of layers that absorb nothing, from those to s and p.
+    #[must_use]
+    pub fn of_clear([s, p]: [Self; 2], polarization: Polarization) -> Self {
+        Self {
+            r: polarization.of(s.r, p.r),
+            t: polarization.of(s.t, p.t),
+            a: 0.0,
+        }
+    }
+
     /// The mean of both.
     #[must_use]
     pub fn mean(self, other: Self) -> Self {
@@ -135,14 +145,10 @@ pub fn response(
 ) -> Response {
     let is_clear = n_out.im == 0.0 && layers.clone().all(|(n, _)| n.im == 0.0);
     if is_clear {
-        let clear = layers.clone().map(|(n, nm)| (n.re, nm));
-        if let Some(found) = response_of_clear(clear, lambda_nm, n_in, n_out.re, cos_in) {
-            let [s, p] = found;
-            return Response {
-                r: polarization.of(s.r, p.r),
-                t: polarization.of(s.t, p.t),
-                a: 0.0,
-            };
+        let clear = layers.clone();
+        let clear = clear.map(|(n, nm)| (n.re, phase(nm, lambda_nm)));
+        if let Some(found) = response_of_clear(clear, n_in, n_out.re, cos_in) {
+            return Response::of_clear(found, polarization);
         }
     }
     let one = |is_p| response_of(layers.clone(), lambda_nm, n_in, n_out, cos_in, is_p);
@@ -153,12 +159,20 @@ pub fn response(
     }
 }
 
+/// Phase in vacuum over a thickness, both lengths in nanometers.
+#[must_use]
+#[inline]
+pub fn phase(thickness_nm: f64, lambda_nm: f64) -> f64 {
+    TAU * thickness_nm / lambda_nm
+}
+
 /// Responses to s and p of layers that absorb nothing, between media that do not either, in real
 /// numbers: the fields are b = b' + i b'' and c likewise, and a matrix has real numbers on its
-/// diagonal and imaginary ones off it. `None` where the wave is evanescent in a layer.
-fn response_of_clear(
+/// diagonal and imaginary ones off it. Of each layer index and [`phase`] are given. `None` where
+/// the wave is evanescent in a layer.
+#[must_use]
+pub fn response_of_clear(
     layers: impl DoubleEndedIterator<Item = (f64, f64)>,
-    lambda_nm: f64,
     n_in: f64,
     n_out: f64,
     cos_in: f64,
@@ -174,13 +188,13 @@ fn response_of_clear(
     let eta_out = [normal_out, n_out * n_out / normal_out];
     let eta_in = [n_in * cos_in, n_in / cos_in];
     let mut fields = eta_out.map(|eta| ([1.0, 0.0], [eta, 0.0]));
-    for (n, nm) in layers.rev() {
+    for (n, phase) in layers.rev() {
         let normal_squared = n * n - sine_squared;
         if normal_squared <= 0.0 {
             return None;
         }
         let normal = normal_squared.sqrt();
-        let (sin, cos) = (normal * (TAU * nm / lambda_nm)).sin_cos();
+        let (sin, cos) = (normal * phase).sin_cos();
         for (eta, (b, c)) in [normal, n * n / normal].into_iter().zip(&mut fields) {
             let (by_eta, over_eta) = (sin * eta, sin / eta);
             (*b, *c) = (
@@ -351,8 +365,8 @@ mod tests {
             let layers: Vec<(Complex64, f64)> = (0..case % 13).map(layer).collect();
             let (n_in, n_out, nm) = (1.0 + u(0), 1.0 + u(1), 380.0 + 400.0 * u(2));
             let cos_in = u(3).max(1e-3);
-            let real = layers.iter().map(|(n, nm)| (n.re, *nm));
-            let Some(found) = response_of_clear(real, nm, n_in, n_out, cos_in) else {
+            let real = layers.iter().map(|(n, d)| (n.re, phase(*d, nm)));
+            let Some(found) = response_of_clear(real, n_in, n_out, cos_in) else {
                 continue;
             };
             compared += 1;

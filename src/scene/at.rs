@@ -3,6 +3,7 @@
 use super::Scene;
 use crate::bsdf::albedo::AlbedoTables;
 use crate::geometry::{AccelAt, Hit, InstanceId, Moment, Placements, Ray, SurfacePoint};
+use glam::DVec3;
 use std::ops::Deref;
 
 /// The scene at one moment. What does not depend on the moment is reached through it.
@@ -56,9 +57,21 @@ impl<'a> SceneAt<'a> {
     /// all strategies.
     #[must_use]
     pub fn shading_point(&self, mut point: SurfacePoint) -> SurfacePoint {
-        if let Some(map) = &self.material_of(point.id.instance).normal {
-            point.ns = map.normal(&point, self.geometry.tangents(&point));
-        }
+        point.ns = self.shading_normal(&point);
         point
+    }
+
+    /// That normal.
+    #[must_use]
+    #[inline]
+    pub fn shading_normal(&self, point: &SurfacePoint) -> DVec3 {
+        let object = self.object(point.id.instance);
+        if !object.has_normal_map {
+            return point.ns;
+        }
+        let map = self.material(object.material).normal.as_ref();
+        map.map_or(point.ns, |map| {
+            map.normal(point, self.geometry.tangents(point))
+        })
     }
 }

@@ -252,7 +252,6 @@ impl Scene {
             casters,
             passed,
             has_coverage: objects.iter().any(|o| o.has_alpha),
-            has_coatings: materials.iter().any(|m| m.coating.is_some()),
             selection: LightSelection::new(&powers),
             wavelengths,
             accel,
@@ -431,6 +430,7 @@ impl Builder {
                 has_alpha: material.coverage.is_some()
                     && light.is_none()
                     && object.boundary == Boundary::None,
+                has_normal_map: material.normal.is_some(),
                 passage: Passage::Blocked,
                 contacts: Vec::new(),
                 is_passed: false,
@@ -480,6 +480,7 @@ impl Builder {
                     is_smooth_interface: false,
                     clear: false,
                     has_alpha: false,
+                    has_normal_map: false,
                     passage: Passage::Blocked,
                     contacts: Vec::new(),
                     is_passed: false,

@@ -139,32 +139,60 @@ pub fn resolve(
 }
 
 /// The same for a face that has its place for itself.
-#[inline]
 fn resolve_alone(
     objects: &[Object],
     face: &Face,
     stack: &MediumStack,
     d: DVec3,
 ) -> Result<Crossing, NestedTooDeep> {
-    let id = face.point.id.instance;
-    let object = &objects[id.0 as usize];
-    let boundary = object.boundary;
-    if face.folded || boundary == Boundary::None {
-        return Ok(Crossing {
-            met: 0,
-            clear: object.clear,
-            behind: None,
-            mismatch: None,
-        });
-    }
-    let entering = d.dot(face.point.ng) < 0.0;
-    let agrees = stack.agrees(boundary, id, entering);
-    let behind = stack.crossed(boundary, id, entering).ok_or(NestedTooDeep)?;
+    let mut behind = *stack;
+    let alone = cross_alone(objects, face, d, &mut behind)?;
     Ok(Crossing {
         met: 0,
-        clear: object.clear && behind.medium() == stack.medium(),
-        behind: Some(behind),
-        mismatch: (!agrees).then_some(id),
+        clear: alone.clear && (!alone.changes || behind.medium() == stack.medium()),
+        behind: alone.changes.then_some(behind),
+        mismatch: alone.mismatch,
+    })
+}
+
+/// What [`cross_alone`] tells of a face.
+#[derive(Clone, Copy, Debug)]
+pub struct Alone {
+    /// The solids behind it may be others: [`Crossing::behind`].
+    pub changes: bool,
+    /// Its material lets light pass straight on where the medium is the same.
+    pub clear: bool,
+    /// See [`Crossing::mismatch`].
+    pub mismatch: Option<InstanceId>,
+}
+
+/// Takes a stack to the far side of a face that has its place for itself.
+///
+/// # Errors
+/// As [`resolve`].
+#[inline(always)]
+pub fn cross_alone(
+    objects: &[Object],
+    face: &Face,
+    d: DVec3,
+    stack: &mut MediumStack,
+) -> Result<Alone, NestedTooDeep> {
+    let id = face.point.id.instance;
+    let object = &objects[id.0 as usize];
+    let (boundary, clear) = (object.boundary, object.clear);
+    let changes = !face.folded && boundary != Boundary::None;
+    let mut mismatch = None;
+    if changes {
+        let entering = d.dot(face.point.ng) < 0.0;
+        mismatch = (!stack.agrees(boundary, id, entering)).then_some(id);
+        if !stack.cross(boundary, id, entering) {
+            return Err(NestedTooDeep);
+        }
+    }
+    Ok(Alone {
+        changes,
+        clear,
+        mismatch,
     })
 }
 

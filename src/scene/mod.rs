@@ -76,6 +76,8 @@ pub struct Object {
     pub clear: bool,
     /// Opacity varies: its material has a coverage map.
     pub has_alpha: bool,
+    /// Its material bends shading normals.
+    pub has_normal_map: bool,
     /// Effect of the faces on a segment that meets one.
     pub passage: Passage,
     /// Where other surfaces may be in the same place.
@@ -161,8 +163,6 @@ pub struct Scene {
     pub passed: Vec<(InstanceId, usize)>,
     /// Whether any object is there only in part.
     pub has_coverage: bool,
-    /// Whether any material has a coating.
-    pub has_coatings: bool,
     /// Polarization that smooth surfaces are computed for.
     pub polarization: Polarization,
     /// Sequences of surfaces that all paths are held to, if they are.

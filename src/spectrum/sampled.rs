@@ -38,8 +38,13 @@ impl SampledSpectrum {
 
     /// The largest of the first `count` lanes.
     #[must_use]
+    #[inline]
     pub fn max_lane(&self, count: usize) -> f32 {
-        self.0[..count].iter().copied().fold(0.0, f32::max)
+        let greater = |most: f32, v: f32| if v > most { v } else { most };
+        if count == 1 {
+            return greater(0.0, self.0[0]);
+        }
+        self.0[..count].iter().copied().fold(0.0, greater)
     }
 
     /// The mean of the first `count` lanes.

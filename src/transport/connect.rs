@@ -105,6 +105,8 @@ struct Candidate<'p> {
     /// Wavelength whose path this is.
     lane: usize,
     target: Target,
+    /// Transmittance of its segments, where that is known already.
+    open: Option<f64>,
 }
 
 impl<'a> Joiner<'a> {
@@ -220,7 +222,9 @@ impl<'a> Joiner<'a> {
                     }
                 }
             }
-            let open = if candidate.bridge.is_some() {
+            let open = if let Some(open) = candidate.open {
+                open
+            } else if candidate.bridge.is_some() {
                 self.chain_visibility(candidate.trail.chain, segments, stack)
             } else {
                 let visibility = |ray| self.context.visibility(ray, stack, self.counters);
@@ -331,7 +335,8 @@ impl<'a> Joiner<'a> {
         raw
     }
 
-    /// Emission densities of x₀ and of the direction in which its light leaves for x₁.
+    /// Emission densities of x₀ and of the direction in which its light leaves for x₁; 0 where no
+    /// technique emits light.
     fn emission(
         &self,
         id: LightId,
@@ -339,6 +344,9 @@ impl<'a> Joiner<'a> {
         direction: DVec3,
         x1: DVec3,
     ) -> (f64, DirectionalDensity) {
+        if !self.context.asked.from_light {
+            return (0.0, DirectionalDensity::SolidAngle(0.0));
+        }
         let scene = self.context.scene;
         let (pdf_x0, pdf_direction) =
             self.light(id)

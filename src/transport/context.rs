@@ -4,7 +4,7 @@ use super::regularize::Cone;
 use crate::bsdf::{CoatingLanes, Interface};
 use crate::geometry::{EndPoint, InstanceId, Moment, Ray};
 use crate::light::LightId;
-use crate::medium::{MediumId, MediumLanes, MediumStack};
+use crate::medium::{Medium, MediumId, MediumKind, MediumLanes, MediumStack};
 use crate::scene::sequence::Sequence;
 use crate::scene::{Scene, SceneAt};
 use crate::spectrum::{LaneResponse, SampledSpectrum, SampledWavelengths};
@@ -143,6 +143,14 @@ pub struct MediaLanes {
     coatings: Vec<CoatingLanes>,
 }
 
+/// What media and materials of a scene are at all wavelengths.
+#[derive(Debug, Default)]
+struct Kinds {
+    media: Vec<MediumKind>,
+    /// Materials that have a coating.
+    coated: Vec<usize>,
+}
+
 /// Sets of wavelengths that are remembered.
 const REMEMBERED: usize = 16;
 
@@ -153,45 +161,59 @@ pub struct MediaMemory {
     sets: Vec<(SampledWavelengths, MediaLanes)>,
     /// The next one that another takes the place of.
     next: usize,
+    /// Those of a path whose wavelengths are not remembered.
+    others: MediaLanes,
+    kinds: Option<Kinds>,
 }
 
 impl MediaMemory {
     /// Those of `scene` at the wavelengths of a path.
     pub fn at(&mut self, scene: &Scene, wavelengths: &SampledWavelengths) -> &MediaLanes {
-        let mut place = 0;
-        if wavelengths.are_lines() {
-            let known = |(known, _): &(SampledWavelengths, _)| known.are_those_of(wavelengths);
-            if let Some(found) = self.sets.iter().position(known) {
-                return &self.sets[found].1;
-            }
-            place = self.next;
-            self.next = (place + 1) % REMEMBERED;
+        let kinds = self.kinds.get_or_insert_with(|| Kinds::of(scene));
+        if !wavelengths.are_lines() {
+            self.others.update(scene, kinds, wavelengths);
+            return &self.others;
         }
+        let known = |(known, _): &(SampledWavelengths, _)| known.are_those_of(wavelengths);
+        if let Some(found) = self.sets.iter().position(known) {
+            return &self.sets[found].1;
+        }
+        let place = self.next;
+        self.next = (place + 1) % REMEMBERED;
         if place >= self.sets.len() {
-            place = self.sets.len();
             self.sets.push((*wavelengths, MediaLanes::default()));
         }
         let (known, lanes) = &mut self.sets[place];
         *known = *wavelengths;
-        lanes.update(scene, wavelengths);
+        lanes.update(scene, kinds, wavelengths);
         lanes
     }
 }
 
 impl MediaLanes {
     /// Looks everything up at other wavelengths.
-    fn update(&mut self, scene: &Scene, wavelengths: &SampledWavelengths) {
+    fn update(&mut self, scene: &Scene, kinds: &Kinds, wavelengths: &SampledWavelengths) {
         self.media.clear();
+        let media = scene.media.iter().zip(&kinds.media);
         self.media
-            .extend(scene.media.iter().map(|m| m.sample(wavelengths)));
-        if !scene.has_coatings {
-            self.coatings.clear();
+            .extend(media.map(|(medium, kind)| medium.sample_as(*kind, wavelengths)));
+        if kinds.coated.is_empty() {
             return;
         }
         let count = scene.materials.len();
         self.coatings.resize_with(count, CoatingLanes::default);
-        for (lanes, material) in self.coatings.iter_mut().zip(&scene.materials) {
-            lanes.update(material.coating.as_deref(), wavelengths);
+        for &i in &kinds.coated {
+            self.coatings[i].update(scene.materials[i].coating.as_deref(), wavelengths);
+        }
+    }
+}
+
+impl Kinds {
+    fn of(scene: &Scene) -> Self {
+        let is_coated = |&i: &usize| scene.materials[i].coating.is_some();
+        Self {
+            media: scene.media.iter().map(Medium::kind).collect(),
+            coated: (0..scene.materials.len()).filter(is_coated).collect(),
         }
     }
 }
@@ -203,6 +225,16 @@ pub struct Held<'a> {
     pub sequence: &'a Sequence,
     /// Inverse of the probability with which it was drawn.
     pub weight: f64,
+}
+
+/// Which densities from the other side enter weights: those with which no technique makes a vertex
+/// are left 0, and so are the terms that have them, which would be 0 for not being executed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AskedDensities {
+    /// Of vertices of camera sub-paths, had light brought them forth.
+    pub from_light: bool,
+    /// Of vertices of light sub-paths, had the sensor brought them forth.
+    pub from_sensor: bool,
 }
 
 /// Shared state of one path pair.
@@ -224,6 +256,8 @@ pub struct PathContext<'a> {
     pub response: LaneResponse,
     /// The sequence that its paths are held to, if they are.
     pub held: Option<Held<'a>>,
+    /// Which densities the techniques ask for.
+    pub asked: AskedDensities,
 }
 
 impl<'a> PathContext<'a> {
@@ -254,6 +288,7 @@ impl<'a> PathContext<'a> {
 
     /// A medium at the path's wavelengths.
     #[must_use]
+    #[inline]
     pub fn medium(&self, id: MediumId) -> &MediumLanes {
         &self.media.media[id.0 as usize]
     }
@@ -261,6 +296,7 @@ impl<'a> PathContext<'a> {
     /// Indices on both sides of a surface of an instance between `media`, above the normal, then
     /// below, and the coating between them.
     #[must_use]
+    #[inline(always)]
     pub fn interface(&self, media: [MediumId; 2], on: InstanceId) -> Interface<'a> {
         let MediaLanes {
             media: all,

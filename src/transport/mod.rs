@@ -24,7 +24,9 @@ pub mod subpath;
 pub mod throughput;
 pub mod walk;
 
-pub use context::{Counters, MediaLanes, MediaMemory, PassSettings, PathContext, StepCount};
+pub use context::{
+    AskedDensities, Counters, MediaLanes, MediaMemory, PassSettings, PathContext, StepCount,
+};
 pub use contribution::{Contribution, Target};
 pub use density::{Edge, PathView, VertexDensity};
 pub use factors::Factors;

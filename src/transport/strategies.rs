@@ -1,5 +1,6 @@
 //! Which strategies are executed, and how many samples each takes.
 
+use super::AskedDensities;
 use super::aim::tries::{Origin, Tries};
 use super::factors::Factors;
 use super::mis::Technique;
@@ -121,6 +122,18 @@ impl StrategySet<'_> {
     #[must_use]
     pub fn wants_light_walk(&self) -> bool {
         self.splats || self.pairs > 0.0 || self.arrivals && self.hittable_sensor
+    }
+
+    /// Which densities from the other side the weights of these strategies take. Techniques with
+    /// two vertices or more from the light ask for those of camera sub-paths, techniques with two
+    /// or more from the sensor, or one that is joined to a light, for those of light sub-paths.
+    #[must_use]
+    pub fn asked(&self) -> AskedDensities {
+        let both = self.pairs > 0.0 || self.merge.is_some() || self.aims.any();
+        AskedDensities {
+            from_light: both || self.splats || self.arrivals,
+            from_sensor: both || self.hits || self.direct || self.direct_to_detector,
+        }
     }
 
     /// Takes `count` light sub-paths per camera sub-path.

@@ -4,6 +4,7 @@ use super::context::PathContext;
 use super::density::{Column, EdgeDensity, NO_COLUMN, VertexDensity};
 use super::regularize::{Cone, SpecularKernel, specular_kernel};
 use super::throughput::Throughput;
+use crate::bsdf::lobe::dielectric::Dielectric;
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Label, Lobe, Side};
 use crate::geometry::{EndPoint, InstanceId, SurfaceId};
 use crate::light::LightId;
@@ -130,20 +131,18 @@ impl Scatterer<'_> {
     }
 
     /// Draws the direction of side `generate` for the `given` one, from the label and two numbers:
-    /// [`Bsdf::sample`], and the direction in world space.
+    /// [`Bsdf::sample`].
     #[must_use]
-    pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<(BsdfSample, DVec3)> {
-        let sample = self.bsdf.sample(self.frame.to_local(given), generate, u)?;
-        let w = self.frame.to_outer(sample.w);
-        Some((sample, w))
+    #[inline]
+    pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
+        self.bsdf.sample(self.frame.to_local(given), generate, u)
     }
 
     /// The same for a specular label that is given: [`Bsdf::sample_label`].
     #[must_use]
-    pub fn sample_label(&self, given: DVec3, label: Label) -> Option<(BsdfSample, DVec3)> {
-        let sample = self.bsdf.sample_label(self.frame.to_local(given), label)?;
-        let w = self.frame.to_outer(sample.w);
-        Some((sample, w))
+    #[inline]
+    pub fn sample_label(&self, given: DVec3, label: Label) -> Option<BsdfSample> {
+        self.bsdf.sample_label(self.frame.to_local(given), label)
     }
 }
 
@@ -223,6 +222,8 @@ pub struct Subpath {
     pub columns: Vec<Column>,
     /// (weight, lobe) pairs of all vertices.
     pub lobes: Vec<(f32, Lobe)>,
+    /// The one that all clear smooth interfaces share, once there is any.
+    pub(super) clear: Option<u32>,
     /// The solids around each part of it, the start first.
     pub(super) stacks: Vec<MediumStack>,
     /// Emitting surfaces that a camera sub-path arrived at, in its order.
@@ -243,6 +244,7 @@ impl Default for Subpath {
             densities: Vec::new(),
             columns: Vec::new(),
             lobes: Vec::new(),
+            clear: None,
             stacks: Vec::new(),
             light_hits: Vec::new(),
             sensor_hits: Vec::new(),
@@ -269,6 +271,7 @@ impl Subpath {
         self.densities.clear();
         self.columns.clear();
         self.lobes.clear();
+        self.clear = None;
         self.light_hits.clear();
         self.sensor_hits.clear();
         self.escape = None;
@@ -306,6 +309,7 @@ impl Subpath {
 
     /// Scattering at vertex `i`.
     #[must_use]
+    #[inline(always)]
     pub fn scatterer<'a>(&'a self, i: usize, context: &PathContext<'a>) -> Scatterer<'a> {
         let vertex = &self.vertices[i];
         let first = vertex.first_lobe as usize;
@@ -355,9 +359,20 @@ impl Subpath {
     }
 
     /// Stores the solids of a part of the sub-path; where.
+    #[inline]
     pub(super) fn store_stack(&mut self, stack: &MediumStack) -> u32 {
         self.stacks.push(*stack);
         (self.stacks.len() - 1) as u32
+    }
+
+    /// The lobe of a clear smooth interface; where.
+    #[inline]
+    pub(super) fn clear_lobe(&mut self) -> u32 {
+        let lobes = &mut self.lobes;
+        *self.clear.get_or_insert_with(|| {
+            lobes.push((1.0, Lobe::Dielectric(Dielectric::CLEAR)));
+            (lobes.len() - 1) as u32
+        })
     }
 
     /// Stores a density's columns, if it has any.

@@ -1,6 +1,6 @@
 //! The weight a sub-path carries: lanes of order one times a wide-range scale.
 
-use crate::spectrum::SampledSpectrum;
+use crate::spectrum::{MAX_LANES, SampledSpectrum};
 
 /// `scale · lanes`. The scale holds what all lanes share (areas, 1/density), so that the f32 lanes
 /// never leave their range.
@@ -24,22 +24,32 @@ impl Throughput {
 
     /// Times a spectrum.
     #[must_use]
+    #[inline]
     pub fn times(self, factor: &SampledSpectrum) -> Self {
-        let lanes = self.lanes * *factor;
-        let max = lanes.0.iter().fold(0.0_f32, |m, &v| m.max(v));
-        // a power of two moves between the two parts without rounding
-        if max > 0.0 && max.is_finite() && !(1e-3..=1e3).contains(&max) {
-            let exponent = max.log2().floor() as i32;
-            let shift = 2.0_f64.powi(exponent);
-            Self {
-                scale: self.scale * shift,
-                lanes: lanes.map(|v| (f64::from(v) / shift) as f32),
-            }
+        let product = Self {
+            scale: self.scale,
+            lanes: self.lanes * *factor,
+        };
+        let max = product.lanes.max_lane(MAX_LANES);
+        if (1e-3..=1e3).contains(&max) || max == 0.0 {
+            product
         } else {
-            Self {
-                scale: self.scale,
-                lanes,
-            }
+            product.balanced(max)
+        }
+    }
+
+    /// The same weight, with the largest of all lanes, `max`, moved into the scale.
+    #[cold]
+    fn balanced(self, max: f32) -> Self {
+        if !max.is_finite() {
+            return self;
+        }
+        // a power of two moves between the two parts without rounding
+        let exponent = max.log2().floor() as i32;
+        let shift = 2.0_f64.powi(exponent);
+        Self {
+            scale: self.scale * shift,
+            lanes: self.lanes.map(|v| (f64::from(v) / shift) as f32),
         }
     }
 

@@ -8,14 +8,13 @@ use super::context::{Counters, PathContext};
 use super::density::{Departure, EdgeDensity, VertexDensity};
 use super::subpath::{Escape, LightHit, SensorHit, Subpath, Vertex};
 use super::throughput::Throughput;
-use crate::bsdf::lobe::dielectric::Dielectric;
 use crate::bsdf::{BsdfSample, Lobe, Side};
 use crate::geometry::{DirectionalDensity, EndPoint, Face, Faces, Ray, SurfacePoint};
 use crate::math::frame::Frame;
 use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
 use crate::scene::Scene;
-use crate::scene::crossing::resolve;
+use crate::scene::crossing::{cross_alone, resolve};
 use glam::DVec3;
 
 /// From how many vertices on a sub-path whose weight does not fall is killed now and then, so that
@@ -47,6 +46,25 @@ pub struct Start {
     pub specular_only: bool,
 }
 
+/// Where the lobes of a vertex are, and what is among them.
+struct VertexLobes {
+    first: u32,
+    count: u8,
+    has_non_specular: bool,
+    has_specular: bool,
+}
+
+impl VertexLobes {
+    fn new(first: usize, lobes: &[(f32, Lobe)]) -> Self {
+        Self {
+            first: first as u32,
+            count: lobes.len() as u8,
+            has_non_specular: lobes.iter().any(|(_, lobe)| !lobe.is_specular()),
+            has_specular: lobes.iter().any(|(_, lobe)| lobe.is_specular()),
+        }
+    }
+}
+
 /// Random walk from `start`: appends vertices to the freshly restarted `path`. `end_factor` is the
 /// Jacobian from solid angle at the first vertex to the measure of the start.
 ///
@@ -74,10 +92,17 @@ pub fn walk(
     } = start;
     let reference = throughput.max_lane(context.count());
     let has_passed = !scene.passed.is_empty();
+    let has_reverse = match generate {
+        Side::Light => context.asked.from_light,
+        Side::Camera => context.asked.from_sensor,
+    };
     let mut travel = Departure::Start(pdf);
     let mut roulette = 0.0;
     // distance passed since the last vertex, through surfaces that are none
     let mut passed = if infinite { f64::INFINITY } else { 0.0 };
+    // what it is in, and what the surface it has come to leads into, where that is another stack
+    let mut medium = stack.medium();
+    let (mut behind, mut changes);
     // where the sub-path has the present stack
     let mut here = 0;
     // partly covered surfaces met since then
@@ -116,7 +141,7 @@ pub fn walk(
             path.densities.push(density);
             path.escape = Some(Escape {
                 direction: ray.d,
-                medium: stack.medium(),
+                medium,
                 throughput,
             });
             return;
@@ -129,7 +154,8 @@ pub fn walk(
             folded: false,
         };
         let mut gathered = Faces::new();
-        let faces = if scene.is_simple(&point) {
+        let is_simple = scene.is_simple(&point);
+        let faces = if is_simple {
             std::slice::from_ref(&face)
         } else {
             gathered.extend(scene.faces_at(&point));
@@ -172,24 +198,37 @@ pub fn walk(
             }
             gathered.as_slice()
         };
-        let Ok(crossing) = resolve(&scene.objects, faces, &stack, ray.d) else {
-            counters.nesting_overflows += 1;
-            return;
-        };
-        if let Some(instance) = crossing.mismatch {
+        behind = stack;
+        let (met, clear, mismatch);
+        if is_simple {
+            let Ok(alone) = cross_alone(&scene.objects, &face, ray.d, &mut behind) else {
+                counters.nesting_overflows += 1;
+                return;
+            };
+            (met, mismatch, changes) = (0, alone.mismatch, alone.changes);
+            clear = alone.clear && (!changes || behind.medium() == medium);
+        } else {
+            let Ok(crossing) = resolve(&scene.objects, faces, &stack, ray.d) else {
+                counters.nesting_overflows += 1;
+                return;
+            };
+            (met, clear, mismatch) = (crossing.met, crossing.clear, crossing.mismatch);
+            changes = crossing.behind.is_some();
+            behind = crossing.behind.unwrap_or(stack);
+        }
+        if let Some(instance) = mismatch {
             counters.add_mismatch(instance);
         }
-        let behind = crossing.behind;
-        if crossing.clear {
+        if clear {
             ray = Ray::leaving(point.p, ray.d, Some(point.id));
             passed = distance;
-            if let Some(behind) = behind {
-                stack = behind;
+            if changes {
+                (stack, medium) = (behind, behind.medium());
                 here = path.store_stack(&stack);
             }
             continue;
         }
-        let point = faces[crossing.met].point;
+        let point = faces[met].point;
         let object = scene.object(point.id.instance);
         let entering = ray.d.dot(point.ng) < 0.0;
         if let Some(sensor) = object.sensor {
@@ -220,20 +259,23 @@ pub fn walk(
             }
         }
 
-        throughput = throughput.times(&context.medium(stack.medium()).transmittance(distance));
+        let filled = context.medium(medium);
+        if !filled.is_clear() {
+            throughput = throughput.times(&filled.transmittance(distance, context.count()));
+        }
         let geometric_cos = ray.d.dot(point.ng).abs();
         let own = travel.area_density(geometric_cos, distance * distance);
-        // the stack behind is seldom another one, and long
-        let (medium_behind, there) = match &behind {
-            Some(behind) => (behind.medium(), path.store_stack(behind)),
-            None => (stack.medium(), here),
+        let there = if changes {
+            path.store_stack(&behind)
+        } else {
+            here
         };
-        let (mut media, mut stacks) = ([stack.medium(), medium_behind], [here, there]);
+        let (mut media, mut stacks) = ([medium, behind.medium()], [here, there]);
         if !entering {
             media.reverse();
             stacks.reverse();
         }
-        let point = scene.shading_point(point);
+        let ns = scene.shading_normal(&point);
         if let (Some(light), Side::Light) = (object.light, generate) {
             path.light_hits.push(LightHit {
                 vertex: index,
@@ -241,32 +283,37 @@ pub fn walk(
                 uv: point.uv,
             });
         }
-        let first_lobe = path.lobes.len();
-        if object.is_smooth_interface {
-            path.lobes.push((1.0, Lobe::Dielectric(Dielectric::CLEAR)));
+        let lobes = if object.is_smooth_interface {
+            VertexLobes {
+                first: path.clear_lobe(),
+                count: 1,
+                has_non_specular: false,
+                has_specular: true,
+            }
         } else {
+            let first = path.lobes.len();
             scene.material(object.material).push_lobes(
                 point.uv,
                 &context.wavelengths,
                 &context.interface(media, point.id.instance),
                 &mut path.lobes,
             );
-        }
-        let lobes = &path.lobes[first_lobe..];
+            VertexLobes::new(first, &path.lobes[first..])
+        };
         path.vertices.push(Vertex {
             p: point.p,
             ng: point.ng,
-            frame: Frame::from_z(point.ns),
+            frame: Frame::from_z(ns),
             id: point.id,
             media,
             stacks,
             toward_previous: -ray.d,
             distance,
             throughput,
-            first_lobe: first_lobe as u32,
-            lobes: lobes.len() as u8,
-            has_non_specular: lobes.iter().any(|(_, lobe)| !lobe.is_specular()),
-            has_specular: lobes.iter().any(|(_, lobe)| lobe.is_specular()),
+            first_lobe: lobes.first,
+            lobes: lobes.count,
+            has_non_specular: lobes.has_non_specular,
+            has_specular: lobes.has_specular,
         });
         let mut density = VertexDensity::new(own.hero);
         density.own_column = path.store_column(&own);
@@ -290,16 +337,19 @@ pub fn walk(
             (None, Some(_)) => None,
             (None, None) => scatterer.sample(given, generate, [u_label, u_x, u_y]),
         };
-        let Some((sample, w)) = sampled else {
+        let Some(sample) = sampled else {
             return;
         };
+        let w = vertex.frame.to_outer(sample.w);
         if !vertex.sides_agree(w) {
             return;
         }
         throughput = next_throughput(context, vertex, &sample, w, generate);
-        let reverse =
-            EdgeDensity::with_lanes(sample.pdf_reverse, sample.columns.as_ref().map(|c| &c.1));
-        finish_previous(path, index, &reverse, &end_factor);
+        if has_reverse {
+            let reverse =
+                EdgeDensity::with_lanes(sample.pdf_reverse, sample.columns.as_ref().map(|c| &c.1));
+            finish_previous(path, index, &reverse, &end_factor);
+        }
         let density = &mut path.densities[index + 1];
         density.label = sample.label;
         density.dispersive = sample.dispersive;
@@ -319,10 +369,8 @@ pub fn walk(
         roulette = (roulette / survival).min(1.0 - f64::EPSILON);
         throughput = throughput.scaled(1.0 / survival);
         let vertex = &path.vertices[index];
-        if let Some(behind) = behind
-            && (w.dot(vertex.ng) > 0.0) != (vertex.toward_previous.dot(vertex.ng) > 0.0)
-        {
-            stack = behind;
+        if changes && (w.dot(vertex.ng) > 0.0) != (vertex.toward_previous.dot(vertex.ng) > 0.0) {
+            (stack, medium) = (behind, behind.medium());
             here = there;
         }
         travel = Departure::Scattered(EdgeDensity::with_lanes(
@@ -367,8 +415,11 @@ fn next_throughput(
     generate: Side,
 ) -> Throughput {
     let mut next = vertex.throughput.times(&sample.weight);
-    if sample.dispersive {
+    if sample.dispersive && context.count() > 1 {
         next.lanes *= context.hero_lanes();
+    }
+    if vertex.frame.z == vertex.ng {
+        return next;
     }
     match generate {
         Side::Light => next,
@@ -416,6 +467,7 @@ fn record_sensor_hit(
     let mut density = VertexDensity::new(own.hero);
     density.own_column = path.store_column(&own);
     density.length = distance as f32;
+    let medium = context.medium(stack.medium());
     path.sensor_hits.push(SensorHit {
         sensor,
         depth: path.vertices.len(),
@@ -426,6 +478,6 @@ fn record_sensor_hit(
         distance,
         medium: stack.medium(),
         density,
-        throughput: throughput.times(&context.medium(stack.medium()).transmittance(distance)),
+        throughput: throughput.times(&medium.transmittance(distance, context.count())),
     });
 }

@@ -407,10 +407,14 @@ impl<'a> Joiner<'a> {
             let at = (faces[i], points[i]);
             let (vertex, value) = self.solved(link, bounce, at, &segments[i..i + 2]);
             lanes *= value;
-            lanes *= context.medium(link.before()).transmittance(segments[i].1);
+            lanes *= context
+                .medium(link.before())
+                .transmittance(segments[i].1, context.count());
             solved.push(vertex);
         }
-        lanes *= context.medium(kind[m - 1].after()).transmittance(last.1);
+        lanes *= context
+            .medium(kind[m - 1].after())
+            .transmittance(last.1, context.count());
         if let Some(lane) = only {
             lanes = SampledSpectrum::from_fn(|k| if k == lane { lanes[k] } else { 0.0 });
         }
@@ -497,6 +501,7 @@ impl<'a> Joiner<'a> {
             bridge: Some((a, a + 1 + m)),
             lane: only.unwrap_or(0),
             target: at_sensor.target,
+            open: None,
         };
         self.finish(&numerator, &candidate, &shadow, &at_sensor.stack);
         self.scratch.bridged = densities;

@@ -3,7 +3,7 @@
 
 use super::end::{End, EndStart, Receiver};
 use super::{Candidate, Joiner, Numerator};
-use crate::geometry::{EndPoint, SurfacePoint};
+use crate::geometry::{EndPoint, Ray, SurfacePoint};
 use crate::light::{DirectSample, HitMeasure, LightId};
 use crate::medium::MediumId;
 use crate::sampler::Draw;
@@ -162,6 +162,7 @@ impl Joiner<'_> {
             bridge: None,
             lane: 0,
             target: Target::OwnPixel,
+            open: None,
         };
         let inverse_eta2 = SampledSpectrum::ONE / self.context.eta_squared(arrival.medium);
         let numerator = Numerator {
@@ -211,11 +212,15 @@ impl Joiner<'_> {
     }
 
     /// s = 1: camera vertex `j` is connected to a light.
+    #[inline]
     pub fn direct(&mut self, camera: &Subpath, j: usize) {
-        let vertex = &camera.vertices[j];
-        if !self.is_connectible(vertex) || !self.wants(1, j + 2) {
-            return;
+        if self.is_connectible(&camera.vertices[j]) && self.wants(1, j + 2) {
+            self.connect_to_light(camera, j);
         }
+    }
+
+    fn connect_to_light(&mut self, camera: &Subpath, j: usize) {
+        let vertex = &camera.vertices[j];
         let Some(drawn) = self.draw_light(vertex.p, Draw::Direct(j + 1)) else {
             return;
         };
@@ -253,6 +258,15 @@ impl Joiner<'_> {
             return;
         }
         self.counters.connections_tried += 1;
+        // asked first: from a film in a camera, all but nothing is open
+        let surface = drawn.sample.x0.surface;
+        let ray = Ray::leaving(x_sensor.p, w, x_sensor.surface);
+        let ray = ray.ending(drawn.sample.distance, surface);
+        let stack = camera.start_stack();
+        let open = self.context.visibility(&ray, stack, self.counters);
+        if open == 0.0 {
+            return;
+        }
         let sensor = &self.context.scene.sensors[self.context.sensor];
         let (_, direction) = sensor.camera.density(x_sensor.p, w, self.context.moment());
         let density = direction.area_density(1.0, 1.0);
@@ -266,7 +280,8 @@ impl Joiner<'_> {
         let end = End {
             weight: Throughput::splat(weight),
             cos,
-            ..End::start(&start, x_sensor, camera.start_stack(), receiver)
+            open: Some(open),
+            ..End::start(&start, x_sensor, stack, receiver)
         };
         self.join_light(&drawn, &end);
     }

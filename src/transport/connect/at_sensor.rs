@@ -178,6 +178,7 @@ impl Joiner<'_> {
             bridge: None,
             lane: 0,
             target: Target::Splat(hit.raster),
+            open: None,
         };
         let numerator = Numerator {
             scale: hit.throughput.scale * hit.importance,

@@ -165,6 +165,8 @@ pub(super) struct End<'p> {
     pub emitter: LightId,
     /// Sensor side: the pixel.
     pub target: Target,
+    /// Transmittance of the edge, where that is known already.
+    pub open: Option<f64>,
 }
 
 impl<'p> End<'p> {
@@ -194,6 +196,7 @@ impl<'p> End<'p> {
             hittable: false,
             emitter: LightId(0),
             target: Target::OwnPixel,
+            open: None,
         }
     }
 }
@@ -249,6 +252,7 @@ impl Joiner<'_> {
             hittable: self.is_hittable(path.light),
             emitter: path.light.unwrap_or(LightId(0)),
             target: Target::OwnPixel,
+            open: None,
         }
     }
 
@@ -329,7 +333,8 @@ impl Joiner<'_> {
         let scale =
             light.weight.scale * camera.weight.scale * light.cos * light.correction * camera.cos
                 / divisor;
-        let transmittance = self.context.medium(medium).transmittance(distance);
+        let count = self.context.count();
+        let transmittance = self.context.medium(medium).transmittance(distance, count);
         let pairs = light
             .labels
             .iter()
@@ -385,6 +390,7 @@ impl Joiner<'_> {
                 bridge: None,
                 lane: 0,
                 target: camera.target,
+                open: light.open.or(camera.open),
             };
             self.finish(&numerator, &candidate, &[ray], from.stack);
         }
