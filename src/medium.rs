@@ -37,7 +37,7 @@ pub struct MediumLanes {
     pub dispersive: bool,
 }
 
-/// What holds of a medium at all wavelengths.
+/// Properties of a medium that hold at all wavelengths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MediumKind {
     /// The k table of its index absorbs.
@@ -47,7 +47,7 @@ pub struct MediumKind {
 }
 
 impl Medium {
-    /// What holds of it at all wavelengths: looked for in its tables.
+    /// Its properties at all wavelengths, which its tables are searched for.
     #[must_use]
     pub fn kind(&self) -> MediumKind {
         MediumKind {
@@ -99,8 +99,8 @@ impl MediumLanes {
         self.absorption.is_none()
     }
 
-    /// Beer-Lambert transmittance over `distance` (m) in the first `count` lanes; 1 over an infinite
-    /// one, for light from infinity is given as it arrives.
+    /// Transmittance over `distance` (m) in the first `count` lanes (Beer-Lambert); 1 over an
+    /// infinite one, for light from infinity is given as it arrives.
     #[must_use]
     #[inline]
     pub fn transmittance(&self, distance: f64, count: usize) -> SampledSpectrum {

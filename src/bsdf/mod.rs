@@ -226,11 +226,8 @@ impl Bsdf<'_> {
     #[must_use]
     #[inline]
     pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
-        if let [(1.0, Lobe::Dielectric(lobe))] = self.lobes {
-            let u = u[0].min(1.0 - f64::EPSILON);
-            return self.sample_interface(lobe, 1.0, given, u);
-        }
-        self.sample_mixture(given, generate, u)
+        self.sample_clear(given, DVec3::Z, u[0])
+            .unwrap_or_else(|| self.sample_mixture(given, generate, u))
     }
 
     fn sample_mixture(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
@@ -238,7 +235,7 @@ impl Bsdf<'_> {
         let above = given.z > 0.0;
         let cos = given.z.abs();
         if let [(weight, Lobe::Dielectric(lobe))] = self.lobes {
-            return self.sample_interface(lobe, *weight, given, rest);
+            return self.sample_interface(lobe, *weight, (given, DVec3::Z), rest);
         }
         if lobe.is_specular() {
             let q = lobe.label_probability(Label::SpecularReflect, cos, above, &self.interface);
@@ -298,16 +295,29 @@ impl Bsdf<'_> {
         chosen
     }
 
-    /// A direction of a smooth interface that is alone: it is asked once for choice, density and
-    /// weight.
+    /// The same in any frame where a clear smooth interface of this `normal` is alone; `None` where
+    /// it is not.
+    #[inline]
+    pub fn sample_clear(&self, given: DVec3, normal: DVec3, u: f64) -> Option<Option<BsdfSample>> {
+        let [(1.0, Lobe::Dielectric(lobe))] = self.lobes else {
+            return None;
+        };
+        let u = u.min(1.0 - f64::EPSILON);
+        Some(self.sample_interface(lobe, 1.0, (given, normal), u))
+    }
+
+    /// A direction of a smooth interface that is alone, in the frame of its normal: it is asked
+    /// once for choice, density and weight.
     fn sample_interface(
         &self,
         lobe: &Dielectric,
         weight: f32,
-        given: DVec3,
+        (given, normal): (DVec3, DVec3),
         u: f64,
     ) -> Option<BsdfSample> {
-        let responses = self.interface.responses(given.z.abs(), given.z > 0.0);
+        let height = given.dot(normal);
+        let above = height > 0.0;
+        let responses = self.interface.responses(height.abs(), above);
         let reflected = self.interface.reflected_share(&responses);
         let (label, pdf, tint) = if u < reflected {
             (Label::SpecularReflect, reflected, lobe.reflect_tint)
@@ -315,14 +325,24 @@ impl Bsdf<'_> {
             (Label::SpecularTransmit, 1.0 - reflected, lobe.transmit_tint)
         };
         let transmits = label == Label::SpecularTransmit;
-        let w = self.specular_direction(given, transmits, transmits)?;
+        let w = if transmits {
+            let (near, far) = self.interface.sides(above);
+            let normal = if above { normal } else { -normal };
+            fresnel::refract(given, normal, near[0], far[0])?
+        } else {
+            normal * (2.0 * height) - given
+        };
+        let behind = w.dot(normal);
+        if behind == 0.0 {
+            return None;
+        }
         let shares = self
             .interface
             .lanes(|k| responses[k][usize::from(transmits)]);
         let pdf_reverse = if !transmits || self.interface.is_reciprocal() {
             pdf
         } else {
-            self.label_probability(label, w)
+            self.label_probability(label, DVec3::Z * behind)
         };
         Some(BsdfSample {
             w,

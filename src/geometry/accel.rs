@@ -2,7 +2,7 @@
 //!
 //! Boxes only ever cull: every hit is decided in f64 by the shape.
 
-use super::gap::Gaps;
+use super::gap::{Crossing, Gaps};
 use super::ray::LocalRay;
 use super::tree::Tree;
 use super::tree_walk::Boxes;
@@ -137,6 +137,28 @@ impl<'a> AccelAt<'a> {
         {
             return Some(hit);
         }
+        self.closest_in_tree(ray, visible)
+    }
+
+    /// The same, and what is known of the point that is hit: [`AccelAt::surface`] to rounding.
+    #[must_use]
+    #[inline]
+    pub fn closest_point(
+        &self,
+        ray: &Ray,
+        visible: impl Fn(InstanceId) -> bool,
+    ) -> Option<(Hit, SurfacePoint)> {
+        if !self.accel.gaps.is_empty()
+            && let Some(found) = self.point_across_gap(ray, &visible)
+        {
+            return Some(found);
+        }
+        let hit = self.closest_in_tree(ray, visible)?;
+        Some((hit, self.surface(ray, &hit)))
+    }
+
+    #[inline]
+    fn closest_in_tree(&self, ray: &Ray, visible: impl Fn(InstanceId) -> bool) -> Option<Hit> {
         let top = self.accel.top.as_ref()?;
         let mut best: Option<Hit> = None;
         let mut t_best = ray.t_max;
@@ -168,6 +190,35 @@ impl<'a> AccelAt<'a> {
         ray: &Ray,
         visible: &impl Fn(InstanceId) -> bool,
     ) -> Option<Hit> {
+        let (crossing, t) = self.across(ray, visible)?;
+        Some(crossing.hit(t))
+    }
+
+    /// The same, and the point.
+    fn point_across_gap(
+        &self,
+        ray: &Ray,
+        visible: &impl Fn(InstanceId) -> bool,
+    ) -> Option<(Hit, SurfacePoint)> {
+        let (crossing, t) = self.across(ray, visible)?;
+        let hit = crossing.hit(t);
+        let instance = self.accel.instance(crossing.to());
+        let (Shape::Lens(lens), Transform::Static(placement)) =
+            (&instance.shape, &instance.transform)
+        else {
+            return None;
+        };
+        // the place is known in the space of the lens
+        let point = lens.point(hit.id.prim, crossing.at(t));
+        Some((hit, instance::to_world(crossing.to(), placement, &point)))
+    }
+
+    #[inline(always)]
+    fn across(
+        &self,
+        ray: &Ray,
+        visible: &impl Fn(InstanceId) -> bool,
+    ) -> Option<(Crossing<'a>, f64)> {
         let start = ray.start?;
         if ray.end.is_some() || ray.t_max != f64::INFINITY {
             return None;
@@ -179,13 +230,8 @@ impl<'a> AccelAt<'a> {
         let Shape::Lens(lens) = &self.accel.instance(crossing.to()).shape else {
             return None;
         };
-        let (t, prim) = lens.hit(&crossing.local(ray, lens.extent()))?;
-        let id = SurfaceId {
-            instance: crossing.to(),
-            prim,
-        };
-        let uv = DVec2::ZERO;
-        crossing.is_free(t).then_some(Hit { t, id, uv })
+        let (t, _) = lens.conic_hit(crossing.shape(), &crossing.local(ray, lens.extent()))?;
+        crossing.is_free(t).then_some((crossing, t))
     }
 
     /// The hits of one instance within a ray, from near to far.

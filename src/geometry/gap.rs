@@ -10,7 +10,7 @@
 
 use super::motion::Placement;
 use super::ray::LocalRay;
-use super::{Instance, InstanceId, Ray, Shape, Transform};
+use super::{Hit, Instance, InstanceId, Ray, Shape, SurfaceId, Transform};
 use crate::math::predicates::transformed_error;
 use crate::optics::{Outline, Profile};
 use arrayvec::ArrayVec;
@@ -155,7 +155,31 @@ impl Crossing<'_> {
         self.gap.to
     }
 
+    /// The hit of that surface at `t`.
+    #[inline]
+    pub fn hit(&self, t: f64) -> Hit {
+        let id = SurfaceId {
+            instance: self.gap.to,
+            prim: 0,
+        };
+        let uv = DVec2::ZERO;
+        Hit { t, id, uv }
+    }
+
+    /// Point of the ray in the space of that surface.
+    #[inline]
+    pub fn at(&self, t: f64) -> DVec3 {
+        self.o + self.d * t
+    }
+
+    /// Curvature and conic constant of that surface.
+    #[inline]
+    pub fn shape(&self) -> (f64, f64) {
+        self.gap.to_shape
+    }
+
     /// The ray as that surface sees it.
+    #[inline(always)]
     pub fn local<'a>(&'a self, ray: &'a Ray, extent: f64) -> LocalRay<'a> {
         let Gap {
             to_object,
@@ -183,13 +207,22 @@ impl Crossing<'_> {
         // of the roots of both surfaces one is known each: where the ray starts, and where it ends
         let own = sum_of_roots(from_c, from_k, o - DVec3::Z * from_z, d);
         let next = sum_of_roots(to_c, to_k, o, d) - t;
-        apart(own)
-            && apart(next)
-            && self.gap.rings.iter().all(|ring| {
-                let at = (ring.z - o.z) / d.z;
-                let passes = at < -SLACK * t || at > t * (1.0 + SLACK);
-                passes || flat(o + d * at) < ring.hole_squared
-            })
+        apart(own) && apart(next) && self.passes_rings(t)
+    }
+
+    /// Whether the way to `t` leads through the holes of all rings.
+    #[inline(always)]
+    fn passes_rings(&self, t: f64) -> bool {
+        let (o, d) = (self.o, self.d);
+        for ring in &self.gap.rings {
+            let at = (ring.z - o.z) / d.z;
+            let passes = at < -SLACK * t || at > t * (1.0 + SLACK);
+            let p = o + d * at;
+            if !(passes || p.x * p.x + p.y * p.y < ring.hole_squared) {
+                return false;
+            }
+        }
+        true
     }
 }
 

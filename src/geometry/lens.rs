@@ -8,6 +8,7 @@
 use super::analytic::FaceHit;
 use super::ray::LocalRay;
 use super::shape::LocalPoint;
+use crate::optics::surface::{conic_roots, conic_slope};
 use crate::optics::{LensSurface, Outline, Profile};
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -70,6 +71,9 @@ impl LensShape {
     /// The first hit of a ray. An end that lies on the surface is no hit, every other crossing of
     /// the surface is one.
     pub(super) fn hit(&self, ray: &LocalRay) -> Option<FaceHit> {
+        if let Profile::Conic { curvature, conic } = self.surface.profile {
+            return self.conic_hit((curvature, conic), ray);
+        }
         let length = ray.d.length();
         let d = ray.d / length;
         let is_end = ray.start.is_some() || ray.end.is_some();
@@ -97,29 +101,66 @@ impl LensShape {
         }
     }
 
-    /// What is known of the point nearest to `p`, which lies next to the surface.
+    /// The same of a conic of this curvature and conic constant, without roots of lengths on the
+    /// way to it.
+    #[inline(always)]
+    pub(super) fn conic_hit(
+        &self,
+        (curvature, conic): (f64, f64),
+        ray: &LocalRay,
+    ) -> Option<FaceHit> {
+        let own = [ray.start.map(|_| 0.0), ray.end.map(|_| ray.t_end)];
+        let line = (ray.o, ray.d, ray.d.length_squared());
+        for t in conic_roots(curvature, conic, line, own) {
+            if !ray.reaches(t) {
+                continue;
+            }
+            let point = ray.at(t);
+            if !self.surface.aperture.contains(point.x, point.y) {
+                continue;
+            }
+            let Some(slope) = conic_slope(curvature, conic, point) else {
+                continue;
+            };
+            // the other crossings of the surface that an end lies on are told from the end however
+            // flat the chord is
+            let approach = || {
+                if ray.start.is_some() || ray.end.is_some() {
+                    line.2.sqrt()
+                } else {
+                    slope.dot(ray.d).abs() / slope.length()
+                }
+            };
+            if ray.counts(t, approach) {
+                return Some((t, 0));
+            }
+        }
+        None
+    }
+
+    /// Point nearest to `p`, which lies next to the surface, and a normal of any length there.
     #[inline]
     pub(super) fn point(&self, prim: u32, p: DVec3) -> LocalPoint {
-        let (p, ng) = self.nearest(p);
+        let (p, slope) = self.nearest(p);
         LocalPoint {
             p,
-            ng,
+            ng: slope,
             ns: None,
             uv: self.uv(p),
             prim,
         }
     }
 
-    /// The point nearest to `p`, which lies next to the surface, and the unit normal there.
-    #[inline]
-    pub(super) fn nearest(&self, p: DVec3) -> (DVec3, DVec3) {
+    /// The point nearest to `p`, which lies next to the surface, and a normal there, of any length.
+    #[inline(always)]
+    fn nearest(&self, p: DVec3) -> (DVec3, DVec3) {
         let (above, slope) = self.height(p);
         let q = p - slope * (above / slope.length_squared());
-        (q, self.height(q).1.normalize())
+        (q, self.height(q).1)
     }
 
     /// A function that is 0 on the surface, and its gradient.
-    #[inline]
+    #[inline(always)]
     fn height(&self, p: DVec3) -> (f64, DVec3) {
         if let Profile::Conic { curvature, conic } = self.surface.profile {
             // z - c (r^2 + (1 + k) z^2) / 2: without the root that ends where the surface does
@@ -180,6 +221,7 @@ impl LensShape {
         let sum: f64 = cells
             .map(|(i, j)| {
                 let n = self.nearest(self.sample(DVec2::new(step(i), step(j)))).1;
+                let n = n.normalize();
                 stretch(n) / n.z
             })
             .sum();

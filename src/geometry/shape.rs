@@ -171,7 +171,11 @@ impl Shape {
                     square(DVec2::new(q[(axis + 1) % 3], q[(axis + 2) % 3])),
                 )
             }
-            Self::Lens(lens) => lens.point(prim, p),
+            Self::Lens(lens) => {
+                let mut point = lens.point(prim, p);
+                point.ng = point.ng.normalize();
+                point
+            }
             Self::Mesh(mesh) => mesh.local_point(prim, weights, time),
             Self::Deforming(mesh) => mesh.local_point(prim, weights, time),
         }

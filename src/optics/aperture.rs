@@ -53,6 +53,7 @@ impl Aperture {
 
     /// Whether a point of the surface lies inside (edges do).
     #[must_use]
+    #[inline]
     pub fn contains(&self, x: f64, y: f64) -> bool {
         let p = DVec2::new(x, y) - self.center;
         match self.outline {

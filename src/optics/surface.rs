@@ -114,15 +114,16 @@ impl LensSurface {
         let is_clear = |point: DVec3| self.aperture.contains(point.x, point.y);
         if let Profile::Conic { curvature, conic } = self.profile {
             // from cheap to dear: the normal is that of the one crossing which counts
-            for t in conic_roots(curvature, conic, o, d, own) {
+            for t in conic_roots(curvature, conic, (o, d, 1.0), own) {
                 if !is_within(t) {
                     continue;
                 }
                 let point = o + d * t;
                 if is_clear(point)
-                    && let Some(hit) = conic_crossing(curvature, conic, point, t)
+                    && let Some(slope) = conic_slope(curvature, conic, point)
                 {
-                    return Some(hit);
+                    let normal = slope.normalize();
+                    return Some(Crossing { t, point, normal });
                 }
             }
             return None;
@@ -146,12 +147,15 @@ impl LensSurface {
     pub fn sequential(&self, o: DVec3, d: DVec3) -> Option<Crossing> {
         if let Profile::Conic { curvature, conic } = self.profile {
             let line = Line::new(o, d);
-            let quadratic = conic_quadratic(curvature, conic, &line);
+            let quadratic = conic_quadratic(curvature, conic, &line, 1.0);
             let (_, b, c) = quadratic;
             let root = discriminant(quadratic)?.sqrt();
             let denominator = root.copysign(d.z) - b;
             let t = if c == 0.0 { 0.0 } else { c / denominator };
-            return conic_crossing(curvature, conic, line.o + d * t, t + line.shift);
+            let point = line.o + d * t;
+            let normal = conic_slope(curvature, conic, point)?.normalize();
+            let t = t + line.shift;
+            return Some(Crossing { t, point, normal });
         }
         let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
         let mut range = everywhere;
@@ -349,28 +353,36 @@ impl LensSurface {
     }
 }
 
-/// a, b and c of `a t^2 + 2 b t + c = 0`, t measured from the foot.
-fn conic_quadratic(c: f64, k: f64, line: &Line) -> (f64, f64, f64) {
+/// a, b and c of `a t^2 + 2 b t + c = 0`, t measured from the foot in units of a direction of
+/// squared length `square`.
+#[inline(always)]
+fn conic_quadratic(c: f64, k: f64, line: &Line, square: f64) -> (f64, f64, f64) {
     let (o, d) = (line.o, line.d);
     (
-        c * (1.0 + k * d.z * d.z),
+        c * (square + k * d.z * d.z),
         c * (o.dot(d) + k * o.z * d.z) - d.z,
         c * (o.length_squared() + k * o.z * o.z) - 2.0 * o.z,
     )
 }
 
+#[inline(always)]
 fn discriminant((a, b, rest): (f64, f64, f64)) -> Option<f64> {
     let value = b * b - a * rest;
     (value >= 0.0).then_some(value)
 }
 
-/// Distances from `o`, in order, at which a line meets the quadric; NaN for those that do not exist
-/// or are its own.
-#[inline]
-fn conic_roots(c: f64, k: f64, o: DVec3, d: DVec3, own: [Option<f64>; 2]) -> [f64; 2] {
+/// Places, in order, at which a line from `o` along `d`, of squared length `square`, meets the
+/// quadric; NaN for those that do not exist or are its own.
+#[inline(always)]
+pub(crate) fn conic_roots(
+    c: f64,
+    k: f64,
+    (o, d, square): (DVec3, DVec3, f64),
+    own: [Option<f64>; 2],
+) -> [f64; 2] {
     // of a point on it, its own root is known and the other has a closed form
     let other = |o: DVec3| {
-        let (a, b, _) = conic_quadratic(c, k, &Line { o, d, shift: 0.0 });
+        let (a, b, _) = conic_quadratic(c, k, &Line { o, d, shift: 0.0 }, square);
         -2.0 * b / a
     };
     match own {
@@ -378,14 +390,15 @@ fn conic_roots(c: f64, k: f64, o: DVec3, d: DVec3, own: [Option<f64>; 2]) -> [f6
         [Some(t), None] | [None, Some(t)] => return [t + other(o + d * t), f64::NAN],
         [None, None] => {}
     }
-    let line = Line::new(o, d);
-    let quadratic = conic_quadratic(c, k, &line);
+    let shift = -o.dot(d) / square;
+    let o = o + d * shift;
+    let quadratic = conic_quadratic(c, k, &Line { o, d, shift }, square);
     let (a, b, rest) = quadratic;
     let Some(square) = discriminant(quadratic) else {
         return [f64::NAN; 2];
     };
     let q = -(b + square.sqrt().copysign(b));
-    let (first, second) = (q / a + line.shift, rest / q + line.shift);
+    let (first, second) = (q / a + shift, rest / q + shift);
     if first < second || second.is_nan() {
         [first, second]
     } else {
@@ -393,15 +406,12 @@ fn conic_roots(c: f64, k: f64, o: DVec3, d: DVec3, own: [Option<f64>; 2]) -> [f6
     }
 }
 
-/// The crossing at a point of the quadric if it lies on the sheet of the vertex.
-#[inline]
-fn conic_crossing(c: f64, k: f64, point: DVec3, t: f64) -> Option<Crossing> {
+/// The gradient, on the side of +z, at a point of the quadric if it lies on the sheet of the
+/// vertex.
+#[inline(always)]
+pub(crate) fn conic_slope(c: f64, k: f64, point: DVec3) -> Option<DVec3> {
     let up = 1.0 - c * (1.0 + k) * point.z;
-    if !(point.is_finite() && up >= 0.0) {
-        return None;
-    }
-    let normal = DVec3::new(-c * point.x, -c * point.y, up).normalize();
-    Some(Crossing { t, point, normal })
+    (point.is_finite() && up >= 0.0).then(|| DVec3::new(-c * point.x, -c * point.y, up))
 }
 
 #[cfg(test)]

@@ -53,6 +53,17 @@ impl<'a> SceneAt<'a> {
         self.geometry.closest(ray, visible)
     }
 
+    /// The same, and the point that is hit.
+    #[must_use]
+    #[inline]
+    pub fn closest_point(
+        &self,
+        ray: &Ray,
+        visible: impl Fn(InstanceId) -> bool,
+    ) -> Option<(Hit, SurfacePoint)> {
+        self.geometry.closest_point(ray, visible)
+    }
+
     /// The point with the shading normal of its material: the one place where normals are bent, for
     /// all strategies.
     #[must_use]

@@ -146,7 +146,15 @@ fn resolve_alone(
     d: DVec3,
 ) -> Result<Crossing, NestedTooDeep> {
     let mut behind = *stack;
-    let alone = cross_alone(objects, face, d, &mut behind)?;
+    if face.folded {
+        return Ok(Crossing {
+            met: 0,
+            clear: objects[face.point.id.instance.0 as usize].clear,
+            behind: None,
+            mismatch: None,
+        });
+    }
+    let alone = cross_alone(objects, &face.point, d, &mut behind)?;
     Ok(Crossing {
         met: 0,
         clear: alone.clear && (!alone.changes || behind.medium() == stack.medium()),
@@ -155,35 +163,36 @@ fn resolve_alone(
     })
 }
 
-/// What [`cross_alone`] tells of a face.
+/// Encounter with a face that has its place for itself.
 #[derive(Clone, Copy, Debug)]
 pub struct Alone {
     /// The solids behind it may be others: [`Crossing::behind`].
     pub changes: bool,
-    /// Its material lets light pass straight on where the medium is the same.
+    /// A material that lets light pass straight on where the medium is the same.
     pub clear: bool,
     /// See [`Crossing::mismatch`].
     pub mismatch: Option<InstanceId>,
 }
 
-/// Takes a stack to the far side of a face that has its place for itself.
+/// Takes a stack to the far side of a point of a face that has its place for itself and is not
+/// folded.
 ///
 /// # Errors
 /// As [`resolve`].
 #[inline(always)]
 pub fn cross_alone(
     objects: &[Object],
-    face: &Face,
+    point: &SurfacePoint,
     d: DVec3,
     stack: &mut MediumStack,
 ) -> Result<Alone, NestedTooDeep> {
-    let id = face.point.id.instance;
+    let id = point.id.instance;
     let object = &objects[id.0 as usize];
     let (boundary, clear) = (object.boundary, object.clear);
-    let changes = !face.folded && boundary != Boundary::None;
+    let changes = boundary != Boundary::None;
     let mut mismatch = None;
     if changes {
-        let entering = d.dot(face.point.ng) < 0.0;
+        let entering = d.dot(point.ng) < 0.0;
         mismatch = (!stack.agrees(boundary, id, entering)).then_some(id);
         if !stack.cross(boundary, id, entering) {
             return Err(NestedTooDeep);

@@ -76,7 +76,7 @@ pub struct Object {
     pub clear: bool,
     /// Opacity varies: its material has a coverage map.
     pub has_alpha: bool,
-    /// Its material bends shading normals.
+    /// A material that bends shading normals.
     pub has_normal_map: bool,
     /// Effect of the faces on a segment that meets one.
     pub passage: Passage,

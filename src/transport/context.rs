@@ -143,7 +143,7 @@ pub struct MediaLanes {
     coatings: Vec<CoatingLanes>,
 }
 
-/// What media and materials of a scene are at all wavelengths.
+/// Properties of media and materials of a scene at all wavelengths.
 #[derive(Debug, Default)]
 struct Kinds {
     media: Vec<MediumKind>,

@@ -131,18 +131,24 @@ impl Scatterer<'_> {
     }
 
     /// Draws the direction of side `generate` for the `given` one, from the label and two numbers:
-    /// [`Bsdf::sample`].
+    /// [`Bsdf::sample`], but in world space.
     #[must_use]
     #[inline]
     pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
-        self.bsdf.sample(self.frame.to_local(given), generate, u)
+        if let Some(found) = self.bsdf.sample_clear(given, self.frame.z, u[0]) {
+            return found;
+        }
+        let mut sample = self.bsdf.sample(self.frame.to_local(given), generate, u)?;
+        sample.w = self.frame.to_outer(sample.w);
+        Some(sample)
     }
 
     /// The same for a specular label that is given: [`Bsdf::sample_label`].
     #[must_use]
-    #[inline]
     pub fn sample_label(&self, given: DVec3, label: Label) -> Option<BsdfSample> {
-        self.bsdf.sample_label(self.frame.to_local(given), label)
+        let mut sample = self.bsdf.sample_label(self.frame.to_local(given), label)?;
+        sample.w = self.frame.to_outer(sample.w);
+        Some(sample)
     }
 }
 

@@ -9,7 +9,7 @@ use super::density::{Departure, EdgeDensity, VertexDensity};
 use super::subpath::{Escape, LightHit, SensorHit, Subpath, Vertex};
 use super::throughput::Throughput;
 use crate::bsdf::{BsdfSample, Lobe, Side};
-use crate::geometry::{DirectionalDensity, EndPoint, Face, Faces, Ray, SurfacePoint};
+use crate::geometry::{DirectionalDensity, EndPoint, Faces, Ray, SurfacePoint};
 use crate::math::frame::Frame;
 use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
@@ -109,9 +109,9 @@ pub fn walk(
     let mut crossings = 0;
     loop {
         counters.closest_rays += 1;
-        let hit = scene.closest(&ray, |id| !has_passed || !scene.object(id).is_passed);
+        let hit = scene.closest_point(&ray, |id| !has_passed || !scene.object(id).is_passed);
         if has_passed && generate == Side::Camera {
-            let length = hit.map_or(f64::INFINITY, |hit| hit.t);
+            let length = hit.map_or(f64::INFINITY, |(hit, _)| hit.t);
             for &(id, sensor) in &scene.passed {
                 if !context.reads(sensor) {
                     continue;
@@ -134,7 +134,7 @@ pub fn walk(
                     });
             }
         }
-        let Some(hit) = hit else {
+        let Some((hit, point)) = hit else {
             let own = travel.solid_angle();
             let mut density = VertexDensity::new(own.hero);
             density.own_column = path.store_column(&own);
@@ -146,18 +146,11 @@ pub fn walk(
             });
             return;
         };
-        let point = scene.geometry.surface(&ray, &hit);
         let distance = passed + hit.t;
         // most surfaces have their place for themselves
-        let face = Face {
-            point,
-            folded: false,
-        };
         let mut gathered = Faces::new();
         let is_simple = scene.is_simple(&point);
-        let faces = if is_simple {
-            std::slice::from_ref(&face)
-        } else {
+        if !is_simple {
             gathered.extend(scene.faces_at(&point));
             // what is not there, or senses and lets pass, is no part of the crossing
             gathered.retain(|face| {
@@ -196,23 +189,23 @@ pub fn walk(
                 passed = distance;
                 continue;
             }
-            gathered.as_slice()
-        };
+        }
         behind = stack;
         let (met, clear, mismatch);
         if is_simple {
-            let Ok(alone) = cross_alone(&scene.objects, &face, ray.d, &mut behind) else {
+            let Ok(alone) = cross_alone(&scene.objects, &point, ray.d, &mut behind) else {
                 counters.nesting_overflows += 1;
                 return;
             };
-            (met, mismatch, changes) = (0, alone.mismatch, alone.changes);
+            (met, mismatch, changes) = (point, alone.mismatch, alone.changes);
             clear = alone.clear && (!changes || behind.medium() == medium);
         } else {
-            let Ok(crossing) = resolve(&scene.objects, faces, &stack, ray.d) else {
+            let Ok(crossing) = resolve(&scene.objects, &gathered, &stack, ray.d) else {
                 counters.nesting_overflows += 1;
                 return;
             };
-            (met, clear, mismatch) = (crossing.met, crossing.clear, crossing.mismatch);
+            met = gathered[crossing.met].point;
+            (clear, mismatch) = (crossing.clear, crossing.mismatch);
             changes = crossing.behind.is_some();
             behind = crossing.behind.unwrap_or(stack);
         }
@@ -228,7 +221,7 @@ pub fn walk(
             }
             continue;
         }
-        let point = faces[met].point;
+        let point = met;
         let object = scene.object(point.id.instance);
         let entering = ray.d.dot(point.ng) < 0.0;
         if let Some(sensor) = object.sensor {
@@ -340,7 +333,7 @@ pub fn walk(
         let Some(sample) = sampled else {
             return;
         };
-        let w = vertex.frame.to_outer(sample.w);
+        let w = sample.w;
         if !vertex.sides_agree(w) {
             return;
         }
