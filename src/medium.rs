@@ -47,7 +47,7 @@ pub struct MediumKind {
 }
 
 impl Medium {
-    /// Its properties at all wavelengths, which its tables are searched for.
+    /// Properties at all wavelengths, which its tables are searched for.
     #[must_use]
     pub fn kind(&self) -> MediumKind {
         MediumKind {
