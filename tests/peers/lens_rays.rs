@@ -5,6 +5,7 @@
 //! scene, with its edges and its stop, for what each of these rays meets next.
 
 #![allow(clippy::unwrap_used, reason = "a benchmark fails by panicking")]
+#![allow(clippy::print_stdout, reason = "a script reads it")]
 
 use abbe::geometry::{self, Accel, Instance, InstanceId, SurfaceId};
 use abbe::io::scene_file::parse_str;
