@@ -1,4 +1,4 @@
-//! Rays through the double Gauss by abbe, for `tests/peers/lens_rays.py`, which traces the same with
+//! Double Gauss traced by abbe, for `tests/peers/lens_rays.py`, which traces the same rays with
 //! other programs: prints them, the points where they meet each surface and the CPU time as JSON.
 //!
 //! `trace` follows rays surface by surface as a design program does; `scene` asks the lens of a
