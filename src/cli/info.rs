@@ -13,7 +13,7 @@ use crate::render::memory::{
     film_bytes, geometry_bytes, object_bytes, saving_bytes, texture_bytes,
 };
 use crate::report::readable::{counted, percent};
-use crate::scene::chains::ChainLink;
+use crate::scene::chains::Chains;
 use crate::scene::effects::Effect;
 use crate::scene::moving::Moving;
 use crate::scene::regularization::decide;
@@ -67,12 +67,7 @@ fn chains(loaded: &Loaded) -> String {
     }
     let mut kinds: BTreeMap<String, usize> = BTreeMap::new();
     for kind in scene.chains().kinds() {
-        let name = |link: &ChainLink| {
-            let label = if link.transmits { "T" } else { "R" };
-            format!("{label} {}", scene.object(link.id.instance).name)
-        };
-        let names: Vec<String> = kind.iter().map(name).collect();
-        *kinds.entry(names.join(", ")).or_default() += 1;
+        *kinds.entry(Chains::name(kind, scene)).or_default() += 1;
     }
     let all: usize = kinds.values().sum();
     let why = if scene.sequences.is_some() {

@@ -3,8 +3,8 @@
 use super::{SurfaceId, SurfacePoint};
 use glam::DVec3;
 
-/// A point of a light or sensor. For lights at infinity `p` is meaningless and `n` is the direction
-/// the light travels.
+/// A point of a light or sensor. Where light leaves in one direction alone `n` is that direction;
+/// for lights at infinity `p` is meaningless.
 #[derive(Clone, Copy, Debug)]
 pub struct EndPoint {
     /// Position in world space.
@@ -16,6 +16,8 @@ pub struct EndPoint {
     pub surface: Option<SurfaceId>,
     /// At infinity: directional light or environment.
     pub infinite: bool,
+    /// Light leaves in the direction `n` alone: at infinity, or a point of a beam.
+    pub parallel: bool,
 }
 
 impl EndPoint {
@@ -25,6 +27,7 @@ impl EndPoint {
         n: DVec3::ZERO,
         surface: None,
         infinite: false,
+        parallel: false,
     };
 
     /// A point of the scene's geometry.
@@ -34,7 +37,7 @@ impl EndPoint {
             p: point.p,
             n: point.ng,
             surface: Some(point.id),
-            infinite: false,
+            ..Self::NONE
         }
     }
 
@@ -58,14 +61,27 @@ impl EndPoint {
         Self {
             n: direction,
             infinite: true,
+            parallel: true,
             ..Self::NONE
         }
     }
 
-    /// |cos| between the end point's normal and `w`; 1 where it has no normal or lies at infinity.
+    /// A point of a beam whose light travels along the unit vector `direction`.
+    #[must_use]
+    pub fn in_beam(p: DVec3, direction: DVec3) -> Self {
+        Self {
+            p,
+            n: direction,
+            parallel: true,
+            ..Self::NONE
+        }
+    }
+
+    /// |cos| between the end point's normal and `w`; 1 where it has no normal or sends
+    /// parallel light.
     #[must_use]
     pub fn cos(&self, w: DVec3) -> f64 {
-        if self.infinite || self.n == DVec3::ZERO {
+        if self.parallel || self.n == DVec3::ZERO {
             1.0
         } else {
             self.n.dot(w).abs()

@@ -75,8 +75,12 @@ pub fn load_frozen(
 /// # Errors
 /// Where its parts make no scene.
 pub fn build(file: LoadedScene, path: &Path) -> Result<Loaded, SceneFileErrors> {
-    let scene =
-        Scene::build(file.description).map_err(|error| file.places.build_error(path, &error))?;
+    let places = &file.places;
+    let mut scene =
+        Scene::build(file.description).map_err(|error| places.build_error(path, &error))?;
+    if let Some(chains) = &file.chains {
+        (scene.keep_chains(chains)).map_err(|error| places.chain_error(path, &error))?;
+    }
     let mut warnings = file.warnings;
     warnings.extend(scene.notes.iter().cloned());
     Ok(Loaded {

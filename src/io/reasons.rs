@@ -27,6 +27,7 @@ impl Display for Decision {
             Reason::OneSubpath => f.write_str(
                 "only integrators that connect two sub-paths switch it on by themselves",
             ),
+            Reason::Chains => f.write_str("chains that are solved for make all of these paths"),
             Reason::Specular { object, camera } => write!(
                 f,
                 "object \"{object}\" is a mirror or smooth glass, and no light path can hit camera \"{camera}\""

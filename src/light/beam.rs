@@ -114,7 +114,7 @@ impl BeamLight {
             _ => self.flux_factor(),
         };
         EmissionSample {
-            x0: EndPoint::at(origin),
+            x0: EndPoint::in_beam(origin, placed_axis(place)),
             origin,
             direction: placed_axis(place),
             pdf_x0: 1.0,
@@ -128,9 +128,10 @@ impl BeamLight {
         let local = place.to_object.transform_point3(x1);
         let foot = local.truncate();
         let lit = local.z > 0.0 && foot.length_squared() <= self.radius_m * self.radius_m;
+        let axis = placed_axis(place);
         lit.then(|| DirectSample {
-            x0: EndPoint::at(place.to_world.transform_point3(foot.extend(0.0))),
-            toward: -placed_axis(place),
+            x0: EndPoint::in_beam(place.to_world.transform_point3(foot.extend(0.0)), axis),
+            toward: -axis,
             distance: local.z,
             pdf: 1.0,
             value: factor(self.profile(foot.length_squared())),

@@ -84,7 +84,9 @@ impl Light {
         Some(sample)
     }
 
-    /// Directions over which it sends light from `x0`; `None` for beams, which go one way.
+    /// Directions over which it sends light from `x0`; `None` where nothing is to be aimed: beams
+    /// go one way, and what glass and mirrors make of a sky that is the same everywhere is as
+    /// smooth as the sky, which camera sub-paths hit.
     fn reach(&self, geometry: &AccelAt, x0: &EndPoint) -> Option<Reach> {
         let (extent, cone) = match &self.kind {
             LightKind::Area(light) => (light.reach(), (!light.two_sided).then_some((x0.n, 0.0))),
@@ -93,10 +95,13 @@ impl Light {
                 let axis = placed_axis(&self.placement(geometry));
                 (light.flux_factor(), light.cone_cos().map(|cos| (axis, cos)))
             }
-            LightKind::Directional(_) | LightKind::Environment(_) => {
+            LightKind::Directional(_)
+            | LightKind::Environment(EnvironmentLight { image: Some(_) }) => {
                 (DirectionalLight::flux_factor(geometry), None)
             }
-            LightKind::Beam(_) => return None,
+            LightKind::Environment(EnvironmentLight { image: None }) | LightKind::Beam(_) => {
+                return None;
+            }
         };
         Some(Reach { extent, cone })
     }

@@ -131,6 +131,13 @@ fn lights() -> Vec<Light> {
     ]
 }
 
+/// A sky with an image, which happens to be the same everywhere.
+fn patterned_sky() -> Light {
+    let image = Image::from_floats(8, 4, vec![[0.5; 3]; 32]).unwrap();
+    let image = EnvironmentImage::new(Arc::new(image), DMat3::IDENTITY).unwrap();
+    Light::environment(unit_emission(), Some(Arc::new(image)))
+}
+
 /// Well spread points of the unit square with a third coordinate.
 fn points(count: u32) -> impl Iterator<Item = (f64, DVec2, DVec2)> {
     // additive recurrence (Roberts 2018)
@@ -148,8 +155,7 @@ fn points(count: u32) -> impl Iterator<Item = (f64, DVec2, DVec2)> {
 fn emission_density_is_that_of_the_sample() {
     let accel = accel();
     let context = context(&accel);
-    for (light, casters) in lights()
-        .iter()
+    for (light, casters) in (lights().iter().chain([&patterned_sky()]))
         .flat_map(|l| [(l, Casters::default()), (l, casters())])
     {
         for (u_face, u_pos, u_dir) in points(200) {
@@ -199,10 +205,9 @@ fn half_of_the_light_goes_toward_casters() {
     let context = context(&accel);
     let casters = casters();
     let count = 4000;
-    for (light, aimed) in lights()
-        .iter()
-        .zip([true, true, true, true, true, false, true])
-    {
+    // a beam goes one way, and a sky that is the same everywhere makes no caustic
+    let aimed = [true, true, true, true, true, false, false, true];
+    for (light, aimed) in lights().iter().chain([&patterned_sky()]).zip(aimed) {
         let is_aimed = |(u_face, u_pos, u_dir)| {
             let s = light
                 .start(&context, &casters, u_face, u_pos, u_dir)

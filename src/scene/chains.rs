@@ -6,7 +6,9 @@
 //! meshes with interpolated normals, and flat faces in a row: those of boxes, quads and disks, and
 //! the facets of meshes.
 
+mod closed;
 mod face;
+mod names;
 
 use super::Scene;
 use crate::geometry::{Facets, InstanceId, Mesh, Placements, Shape, SurfaceId};
@@ -16,6 +18,8 @@ use arrayvec::ArrayVec;
 use face::{Face, FaceShape, Sample, facet_samples, mesh_samples, samples};
 use std::collections::HashMap;
 use std::sync::Arc;
+
+pub use names::UnknownChain;
 
 /// Most specular vertices of a chain.
 pub const MAX_CHAIN: usize = 4;
@@ -68,6 +72,8 @@ pub struct Chains {
     facets: Vec<(InstanceId, Arc<Facets>)>,
     /// Instances of meshes that are one smooth face.
     smooth: Vec<InstanceId>,
+    /// See [`Self::length_listed`].
+    length_listed: usize,
 }
 
 impl Chains {
@@ -136,12 +142,17 @@ impl Chains {
         for length in 2..=MAX_CHAIN {
             chains.rows(&flat, &scene.media, length, &mut ChainKind::new(), None);
         }
-        chains.index = (0u32..)
-            .zip(&chains.kinds)
+        chains.index_kinds();
+        chains.length_listed = closed::length_listed(&chains, scene, &faces);
+        chains
+    }
+
+    fn index_kinds(&mut self) {
+        self.index = (0u32..)
+            .zip(&self.kinds)
             .map(|(i, k)| (hash(k), i))
             .collect();
-        chains.index.sort_unstable();
-        chains
+        self.index.sort_unstable();
     }
 
     fn push(&mut self, kind: ChainKind) {
@@ -275,14 +286,10 @@ impl Chains {
                 if is_of_glass && (length > 2 || !can_be_total(media, &link)) {
                     continue;
                 }
-                if let (Some(before), Some(from)) = (so_far.last(), last) {
-                    let left_above = before.from_above != before.transmits;
-                    if from.id == face.id
-                        || before.after() != link.before()
-                        || !from.faces(left_above, face, link.from_above)
-                    {
-                        continue;
-                    }
+                if let (Some(before), Some(from)) = (so_far.last(), last)
+                    && !from.leads_to(before, face, &link)
+                {
+                    continue;
                 }
                 so_far.push(link);
                 self.rows(faces, media, length, so_far, Some(face));
@@ -295,6 +302,13 @@ impl Chains {
     #[must_use]
     pub fn kinds(&self) -> &[ChainKind] {
         &self.kinds
+    }
+
+    /// Number of specular vertices in a row up to which every chain is known to be listed, by
+    /// solvers that find all; `usize::MAX` where there are no longer ones.
+    #[must_use]
+    pub fn length_listed(&self) -> usize {
+        self.length_listed
     }
 
     /// Kinds that found no place in the list; a lower bound.

@@ -37,7 +37,7 @@ use crate::medium::{Boundary, Medium, MediumId, MediumStack};
 use crate::optics::Polarization;
 use crate::spectrum::WavelengthDistribution;
 use crate::texture::Image;
-use chains::Chains;
+use chains::{Chains, UnknownChain};
 use effects::{Effect, EffectKind};
 use glam::DVec3;
 use std::sync::{Arc, OnceLock};
@@ -184,6 +184,16 @@ impl Scene {
     #[must_use]
     pub fn chains(&self) -> &Chains {
         self.chains.get_or_init(|| Chains::of(self))
+    }
+
+    /// Keeps the chains of these kinds alone, each by its [`Chains::name`].
+    ///
+    /// # Errors
+    /// A name that no kind has; all are kept then.
+    pub fn keep_chains(&mut self, names: &[String]) -> Result<(), UnknownChain> {
+        let kept = self.chains().only(self, names)?;
+        self.chains = OnceLock::from(kept);
+        Ok(())
     }
 
     /// The object of an instance.

@@ -1,7 +1,7 @@
 //! Whether connections at specular vertices are made for a sensor, and why.
 
 use super::effects::{Effect, EffectKind};
-use super::settings::{Regularize, Settings, SingleRule};
+use super::settings::{Aiming, Regularize, Settings, SingleRule};
 use super::{Object, Scene};
 
 /// How specular vertices are connected.
@@ -56,6 +56,8 @@ pub enum Reason {
     Merging,
     /// The integrator does not connect two sub-paths.
     OneSubpath,
+    /// Chains that are solved for make every path that only a cone would make.
+    Chains,
     /// A camera that no light path hits, in a scene with a specular surface.
     Specular {
         /// The first specular object, by name.
@@ -63,6 +65,13 @@ pub enum Reason {
         /// The camera, by name.
         camera: String,
     },
+}
+
+/// Whether the chains from a light to the first non-specular vertex are solved for on every path.
+fn makes_all_by_chains(scene: &Scene, settings: &Settings) -> bool {
+    // one of the scattering vertices is not specular
+    let longest = (settings.max_depth).map_or(usize::MAX, |depth| depth.saturating_sub(1) as usize);
+    settings.aim != Aiming::Off && scene.chains().length_listed() >= longest
 }
 
 /// Decides for a sensor.
@@ -99,6 +108,8 @@ pub fn decide(scene: &Scene, sensor: usize, settings: &Settings) -> Decision {
                 off(Reason::Merging)
             } else if !settings.integrator.connects_pairs() {
                 off(Reason::OneSubpath)
+            } else if makes_all_by_chains(scene, settings) {
+                off(Reason::Chains)
             } else {
                 let (object, camera) = (object.name.clone(), sensor.name.clone());
                 on(Mode::Mis, Reason::Specular { object, camera })

@@ -150,7 +150,7 @@ named! {
     pub enum Regularize {
         /// As [`Regularize::Mis`] for image cameras in scenes with specular surfaces, as
         /// [`Regularize::Off`] otherwise and where photons are merged.
-        Auto = "auto": "As mis for image cameras in scenes with mirrors or smooth glass, else off",
+        Auto = "auto": "As mis for image cameras where mirrors or smooth glass make paths that no solved chain makes, else off",
         /// Never: unbiased, and blind to paths that only connections at specular vertices make.
         Off = "off": "Never",
         /// Only for paths that no unbiased strategy makes, by the one strategy that the rule

@@ -660,3 +660,22 @@ fn merging_says_what_it_shares_and_stores() {
     let stats = json(&String::from_utf8_lossy(&bytes(&dir, "n.json")));
     assert!(stats["sensors"][0]["merging"].is_null());
 }
+
+#[test]
+fn chains_are_named_as_info_lists_them() {
+    let dir = folder();
+    let with = |chains: &str| {
+        let render = "[render]\n";
+        let scene = SCENE.replace(render, &format!("{render}chains = {chains}\n"));
+        std::fs::write(dir.path().join("chains.toml"), scene).expect("writes");
+    };
+    with(r#"["T ball, T ball", "R ball"]"#);
+    let told = succeed(dir.path(), "info chains.toml");
+    let listed = |name: &str| told.lines().any(|line| line.trim_end().ends_with(name));
+    assert!(listed("T ball, T ball") && listed("R ball"), "{told}");
+    assert!(!listed("T ball, R ball, T ball"), "{told}");
+    with(r#"["T ball, T bull"]"#);
+    let message = fail(dir.path(), "info chains.toml", 1);
+    let place = "chains.toml:3:10: no kind of chains is called `T ball, T bull`";
+    assert!(message.contains(place), "{message}");
+}

@@ -41,10 +41,12 @@ use crate::io::atomic::folder;
 use crate::io::convert::shortest_scene;
 use crate::io::files;
 use crate::io::model_file::ModelKind;
+use crate::scene::chains::UnknownChain;
 use crate::scene::description::SceneDescription;
 use crate::scene::settings::Settings;
 use crate::scene::{BuildError, Subject};
 use document::Source;
+use std::fmt::Display;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -57,6 +59,8 @@ pub struct LoadedScene {
     pub settings: Settings,
     /// Scale of the output image.
     pub units: OutputUnits,
+    /// Kinds of chains that are solved for; `None`: all.
+    pub chains: Option<Vec<String>>,
     /// Warnings of what is legal but surely not meant, one line each.
     pub warnings: Vec<String>,
     /// Where the parts of the description stand in the file.
@@ -65,12 +69,14 @@ pub struct LoadedScene {
     pub files: Vec<PathBuf>,
 }
 
-/// Places of the objects, lights and sensors of a scene file, by their index in the description.
+/// Places of the objects, lights and sensors of a scene file, by their index in the description,
+/// and of the chains that are solved for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Places {
     objects: Vec<Place>,
     lights: Vec<Place>,
     sensors: Vec<Place>,
+    chains: Option<Place>,
 }
 
 impl Places {
@@ -83,6 +89,16 @@ impl Places {
             Subject::Light(i) => self.lights.get(i),
             Subject::Sensor(i) => self.sensors.get(i),
         });
+        Self::problem(path, place, error)
+    }
+
+    /// The same of a kind of chains that the scene does not have.
+    #[must_use]
+    pub fn chain_error(&self, path: &Path, error: &UnknownChain) -> SceneFileErrors {
+        Self::problem(path, self.chains.as_ref(), error)
+    }
+
+    fn problem(path: &Path, place: Option<&Place>, error: &dyn Display) -> SceneFileErrors {
         SceneFileErrors::one(
             &path.display().to_string(),
             place.cloned().unwrap_or(Place::File),

@@ -5,7 +5,7 @@ use super::keys::{Build, Built, Form, Keys, POSITIVE, Range, Spec, Table, Value,
 use super::reader::Reader;
 use super::sensor::FILTER_RADIUS;
 use super::sequence::SequenceChoice;
-use super::value::{At, Lanes, Length, number};
+use super::value::{At, ChainName, Lanes, Length, number};
 use crate::light::casters::Casters;
 use crate::math::named::named;
 use crate::optics::Polarization;
@@ -274,6 +274,9 @@ keys! {
         regularize: Regularize, default Regularization::default().mode;
         /// Which chains of mirrors and smooth glass are solved for.
         aim: Aiming, default Settings::default().aim;
+        /// The kinds of chains that `aim` means: R (reflects) or T (transmits) and the object of
+        /// each surface from the light to the sensor, as `abbe info` lists them.
+        chains: Option<At<Vec<ChainName>>>, or "all there are";
         /// Half-aperture of the first pass's cone; pass p has ε (p + 1)^(-1/6).
         epsilon: OrAuto<true>, in CONE, unit "radians", default OrAuto(None);
         /// Least half-aperture.
@@ -326,6 +329,8 @@ pub struct Rendering {
     pub polarization: Polarization,
     /// Sequences of surfaces that all paths are held to.
     pub sequences: Option<At<SequenceChoice>>,
+    /// Kinds of chains that are solved for; `None`: all.
+    pub chains: Option<At<Vec<ChainName>>>,
     /// Share of the light sub-paths that start toward mirrors and glass.
     pub caster_share: f64,
 }
@@ -338,6 +343,7 @@ impl Default for Rendering {
             wavelengths: WavelengthName::Scene.over(VISIBLE_NM),
             polarization: Polarization::Average,
             sequences: None,
+            chains: None,
             caster_share: Casters::SHARE,
         }
     }
@@ -407,6 +413,7 @@ impl Build for RenderKeys {
             wavelengths,
             polarization: self.fresnel,
             sequences: self.sequences,
+            chains: self.chains,
             caster_share: self.caster_share,
         })
     }

@@ -141,6 +141,7 @@ impl SceneKeys {
             objects: self.object.0.iter().map(|o| place(&o.at)).collect(),
             lights: self.light.0.iter().map(|l| place(&l.at)).collect(),
             sensors: read.iter().map(|s| place(&s.sensor.at)).collect(),
+            chains: rendering.chains.as_ref().map(|c| place(&c.at)),
         };
         let is_instant = |s: &Pending| s.sensor.value.shutter.is_instant();
         if cx.moves && read.iter().all(is_instant) {
@@ -186,6 +187,8 @@ impl SceneKeys {
             description,
             settings: rendering.settings,
             units: rendering.units,
+            chains: (rendering.chains)
+                .map(|chains| chains.value.into_iter().map(|name| name.0).collect()),
             warnings,
             places,
             files: cx.files(),

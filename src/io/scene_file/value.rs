@@ -197,6 +197,8 @@ texts! {
     MaterialName: "a `[material.NAME]`";
     /// Name of an animation of a model.
     AnimationName: "name or number of an animation";
+    /// Kind of chains by its labels and objects.
+    ChainName: "a kind of chains such as `T ball, T ball`";
 }
 
 impl<T: Named> Value for T {

@@ -187,9 +187,17 @@ impl Face {
         })
     }
 
+    /// Whether light that leaves this flat face by a link can go straight to another one and meet
+    /// it by another.
+    pub fn leads_to(&self, by: &ChainLink, other: &Self, link: &ChainLink) -> bool {
+        self.id != other.id
+            && by.after() == link.before()
+            && self.faces(by.from_above != by.transmits, other, link.from_above)
+    }
+
     /// Whether light can go from this flat face, left on the side `above`, straight to a point of
     /// another one that meets it on the side `met_above`.
-    pub fn faces(&self, above: bool, other: &Self, met_above: bool) -> bool {
+    fn faces(&self, above: bool, other: &Self, met_above: bool) -> bool {
         let is_before = |from: &Self, p: &DVec3, above: bool| {
             let height = (*p - from.points[0]).dot(from.normal);
             if above { height > 0.0 } else { height < 0.0 }

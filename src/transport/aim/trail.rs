@@ -96,7 +96,7 @@ impl Trail<'_> {
     }
 
     fn far(&self, a: usize) -> Far {
-        if a == 0 && self.x0.infinite {
+        if a == 0 && self.x0.parallel {
             Far::Direction(-self.x0.n)
         } else {
             Far::Point(self.position(a))
@@ -140,19 +140,6 @@ pub fn is_dispersive(context: &PathContext, kind: &[ChainLink]) -> bool {
     kind.iter().any(disperses)
 }
 
-/// Whether chains to a light of this kind are solved for.
-#[must_use]
-pub fn is_aimed_at(kind: &LightKind) -> bool {
-    match kind {
-        LightKind::Area(_)
-        | LightKind::Point(_)
-        | LightKind::Spot(_)
-        | LightKind::Directional(_)
-        | LightKind::Environment(_) => true,
-        LightKind::Beam(_) => false,
-    }
-}
-
 /// The bridges of a path: of the chain at its light and of that at its sensor, where they are
 /// tried. `light` is what it starts from; `lane` is the wavelength whose path this is.
 #[must_use]
@@ -171,10 +158,9 @@ pub fn bridges(
     }
     let aims = &strategies.aims;
     let specular = |i: usize| (1..n - 1).contains(&i) && view.is_specular(i);
-    let aimed = is_aimed_at(light);
     let bridge = |origin: Origin, (a, b), samples: f64, wanted: &dyn Fn(&ChainKind) -> bool| {
         let chains = context.scene.chains();
-        let links = links(chains, trail, light, a, b)?;
+        let links = links(chains, trail, a, b)?;
         let kind = chains.find(&links)?;
         let samples = samples * strategies.tried(origin, kind);
         if samples == 0.0 || !wanted(&links) {
@@ -208,8 +194,7 @@ pub fn bridges(
         return [found.flatten(), None];
     }
     let last = (0..n - 1).rev().find(|&i| !specular(i)).unwrap_or(0);
-    let at_light =
-        aims.light && aimed && first >= 2 && (aims.light_everywhere || specular(first + 1));
+    let at_light = aims.light && first >= 2 && (aims.light_everywhere || specular(first + 1));
     let at_sensor = aims.sensor && last + 2 < n;
     let after_specular = specular(last - 1);
     let near = aims.sensor_everywhere || after_specular;
@@ -256,14 +241,8 @@ fn is_found(
 }
 
 /// The links of the chain between x_a and x_b; `None` where it is too long.
-fn links(
-    chains: &Chains,
-    trail: &Trail,
-    light: &LightKind,
-    a: usize,
-    b: usize,
-) -> Option<ChainKind> {
-    if b - a - 1 > MAX_CHAIN || a == 0 && !is_aimed_at(light) {
+fn links(chains: &Chains, trail: &Trail, a: usize, b: usize) -> Option<ChainKind> {
+    if b - a - 1 > MAX_CHAIN {
         return None;
     }
     let far = trail.far(a);

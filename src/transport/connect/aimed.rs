@@ -229,9 +229,6 @@ impl<'a> Joiner<'a> {
         let scene = self.context.scene;
         let (id, probability, u0) = scene.selection.sample(u[0])?;
         let light = self.light(id);
-        if !trail::is_aimed_at(&light.kind) {
-            return None;
-        }
         let u_x0 = DVec2::new(u[1], u[2]);
         let (x0, pdf_x0) = light.sample_start(&scene.geometry, u0, u_x0)?;
         Some(Start {
@@ -278,7 +275,7 @@ impl<'a> Joiner<'a> {
         };
         let far = match ends.light {
             LightEnd::Vertex(path, i) => Far::Point(path.vertices[i].p),
-            LightEnd::Start if ends.start.x0.infinite => Far::Direction(-ends.start.x0.n),
+            LightEnd::Start if ends.start.x0.parallel => Far::Direction(-ends.start.x0.n),
             LightEnd::Start => Far::Point(ends.start.x0.p),
         };
         let to = match ends.sensor {
@@ -391,8 +388,16 @@ impl<'a> Joiner<'a> {
             let v = points.get(i + 1).copied().unwrap_or(to) - points[i];
             segments.push((v.normalize(), v.length()));
         }
-        let (first, last) = (segments[0], segments[m]);
-        let at_light = self.reach_light(ends, first, points[0], kind[0].before())?;
+        let last = segments[m];
+        let at_light = self.reach_light(ends, segments[0], points[0], kind[0].before())?;
+        let x0 = match ends.light {
+            LightEnd::Start => at_light.point,
+            LightEnd::Vertex(..) => ends.start.x0,
+        };
+        if matches!(ends.light, LightEnd::Start) && !x0.infinite {
+            // in a beam it is known only now
+            segments[0].1 = x0.p.distance(points[0]);
+        }
         let at_sensor = self.reach_sensor(ends, last, points[m - 1], kind[m - 1].after())?;
 
         let jacobian = differential::jacobian(&on, points, eta, far, to);
@@ -464,7 +469,7 @@ impl<'a> Joiner<'a> {
         };
         let a = densities.len() - 1 - m;
         let direct = match ends.light {
-            LightEnd::Start => context.direct_density(ends.start.id, points[0], &ends.start.x0),
+            LightEnd::Start => context.direct_density(ends.start.id, points[0], &x0),
             LightEnd::Vertex(path, _) => path.direct,
         };
         let places: ArrayVec<Place, MAX_CHAIN> = solved.iter().map(|s| s.place).collect();
@@ -486,7 +491,7 @@ impl<'a> Joiner<'a> {
                 },
             },
             trail: Trail {
-                x0: ends.start.x0,
+                x0,
                 light: match ends.light {
                     LightEnd::Start => &[],
                     LightEnd::Vertex(path, i) => &path.vertices[..=i],

@@ -130,7 +130,9 @@ impl Joiner<'_> {
                 })
             }
             LightEnd::Start => {
-                let Start { id, x0, pdf, .. } = ends.start;
+                let Start {
+                    id, mut x0, pdf, ..
+                } = ends.start;
                 let (light, context) = (self.light(id), self.context);
                 let (geometry, waves) = (&context.scene.geometry, &context.wavelengths);
                 let value = match self.emitted(id, &x0, w) {
@@ -140,14 +142,15 @@ impl Joiner<'_> {
                     }
                     None => {
                         let sample = light.sample_direct(geometry, waves, p, 0.0, DVec2::ZERO)?;
-                        let d2 = if x0.infinite { 1.0 } else { length * length };
+                        let d2 = if x0.parallel { 1.0 } else { length * length };
+                        x0 = sample.x0;
                         sample.value * d2 as f32
                     }
                 };
                 if value.is_black(context.count()) {
                     return None;
                 }
-                let cos = if x0.infinite { 1.0 } else { x0.cos(w) };
+                let cos = x0.cos(w);
                 let (_, direction) = self.emission(id, &x0, w, p);
                 Some(Reached {
                     weight: Throughput::splat(cos / pdf).times(&value),
