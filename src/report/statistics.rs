@@ -209,6 +209,8 @@ impl SensorStats {
             "paths": c.paths,
             "connections_tried": c.connections_tried,
             "connections_made": c.connections_made,
+            "chains_tried": c.chains_tried,
+            "chains_found": c.chains_found,
             "non_finite": self.non_finite,
             "saturated": self.saturated,
             "medium_mismatches": c.medium_mismatches,

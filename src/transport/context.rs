@@ -60,6 +60,10 @@ pub struct Counters {
     pub connections_tried: u64,
     /// Connections that contributed.
     pub connections_made: u64,
+    /// Searches for chains between two ends; they are connections tried, too.
+    pub chains_tried: u64,
+    /// Chains that they found.
+    pub chains_found: u64,
     /// Photons stored.
     pub photons: u64,
     /// Photons found near camera vertices.
@@ -116,6 +120,8 @@ impl Counters {
         self.paths += other.paths;
         self.connections_tried += other.connections_tried;
         self.connections_made += other.connections_made;
+        self.chains_tried += other.chains_tried;
+        self.chains_found += other.chains_found;
         self.photons += other.photons;
         self.photons_found += other.photons_found;
         self.non_finite += other.non_finite;

@@ -48,6 +48,8 @@ def render(abbe, scene, size, passes, seed, options, folder):
     return dict(
         samples=resolution[0] * resolution[1] * passes,
         connections=sensor["connections_tried"],
+        searches=sensor["chains_tried"],
+        chains=sensor["chains_found"],
         non_finite=sensor["non_finite"],
         saturated=sensor["saturated"],
         largest=round(float(image.max() / image.mean()) * passes),

@@ -159,8 +159,8 @@ fn the_sky_and_a_beam_are_lights_that_chains_lead_to() {
     // behind a ball, where it is focused, a chain alone has no variance
     let slab = block("box = { min = [-1, -1, -1], max = [1, 1, 1] }");
     for (what, text, light, passes) in [
-        ("sky", BALL, "environment = { radiance = 1 }", [100, 24]),
-        ("beam", &slab, beam, [60, 24]),
+        ("sky", BALL, "environment = { radiance = 1 }", [60, 14]),
+        ("beam", &slab, beam, [40, 12]),
     ] {
         let lamp = text.rfind("    [[object]]").expect("the lamp is the last");
         let text = format!("{}    [[light]]\n    {light}\n", &text[..lamp]);
@@ -357,8 +357,8 @@ fn chains_are_chosen_by_the_names_that_are_listed() {
     assert_eq!(scene.chains().kinds().len(), 1);
 }
 
-/// What is left over of a chain near a fold, whose density is without bound, is no more than what
-/// light sub-paths bring there.
+/// Contributions of chains near a fold, whose density is without bound, are no larger than those
+/// that light sub-paths make there.
 #[test]
 fn no_weighted_chain_is_larger_than_what_light_sub_paths_bring() {
     let (scene, settings) = scene(BALL);

@@ -458,8 +458,7 @@ motion = [{ keys = [{ time = 0, translate = [0, 0, 0] }, { time = 4, translate =
         }
     }
     let exact = sum / f64::from(n * n);
-    for (kind, passes, resolution) in [(Path, 400, 1e-3), (Light, 12_000, 5e-3), (Bdpt, 400, 2e-3)]
-    {
+    for (kind, passes, resolution) in [(Path, 150, 1e-3), (Light, 5000, 5e-3), (Bdpt, 60, 2e-3)] {
         let estimate = line_mean(&scene, 0, &with(&settings, kind), 16, passes * test_scale());
         estimate.assert_is(&format!("moving light, {kind:?}"), exact, resolution);
     }

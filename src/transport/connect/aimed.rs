@@ -258,6 +258,8 @@ impl<'a> Joiner<'a> {
         let at = origin.number() * kinds.len() + kind;
         let rays = self.counters.shadow_rays;
         let (solved, found) = self.aim_lanes(ends, &kinds[kind]);
+        self.counters.chains_tried += solved;
+        self.counters.chains_found += found;
         if let Some(tally) = self.scratch.tally.get_mut(at) {
             tally.solved += solved;
             tally.found += found;
