@@ -5,6 +5,7 @@
     python3 -m venv target/variance && target/variance/bin/pip install -r tests/colour/requirements.txt
     target/variance/bin/python tests/peers/variance.py --base PROGRAM [--scenes mesh,motion] [--spp 16,64] [--seeds 4]
         [--base-options OPTIONS] [--modes off,auto] [--rows 150] [--variant NAME=OPTIONS]... [--work FOLDER] [--json FILE]
+        [--instructions]
     target/variance/bin/python tests/peers/variance.py --seconds 5,30 --seeds 16 --reference-spp 512 [--scenes ...] [--rows 75]
 
 The second form compares errors of `bdpt` and `path` after the same CPU seconds.
@@ -12,7 +13,8 @@ The second form compares errors of `bdpt` and `path` after the same CPU seconds.
 PROGRAM is an older abbe to compare with; without it, this one is, under the balance heuristic or with --base-options. Every variant renders every scene
 with the same seeds in turn, box filter, one thread. CPU time is the user time of the process less that of loading the scene, so
 other load on the machine matters little; of the seeds the least time counts. Figures are variances over the seeds, per pixel over (reference^2 + .01) of an image
-scaled to mean 1, times CPU seconds: of all pixels, of all but the worst .1 %, of the median pixel; and of the paths of direct and
+scaled to mean 1, times CPU seconds (with --instructions, times those of the passes without pilots: 80 less 64 passes of 32x24
+pixels, counted by valgrind, so that load changes nothing; of programs that were built alike): of all pixels, of all but the worst .1 %, of the median pixel; and of the paths of direct and
 once scattered light (LDE, LDDE) alone, mean and median. The reference is the mean of all images of this program but those of
 `path`. Printed are the ratios of each variant to the base and to `path`; below 1 the variant is better. Run by hand; it is no
 part of the test suite. Means over few seeds are ruled by few pixels where light is found by luck.
@@ -75,6 +77,18 @@ def render(variant, scene, mode, spp, seed, args, crop=None):
             return user_seconds(command + ["--crop", crop, "--integrator", "path"])
         note.write_text(str(user_seconds(command)))
     return luminances(out), float(note.read_text())
+
+
+def instructions(variant, scene, mode, args):
+    """Those of a sample."""
+    counts = []
+    for spp in (64, 80):
+        command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", variant.program, "render", scene_file(scene)]
+        command += ["-o", args.work / "counted.exr", "--spp", str(spp), "--threads", "1", "-q", "--filter", "box", "--no-preview"]
+        command += ["--regularize", mode, "--set", "sensor.0.resolution=[32, 24]"] + variant.options
+        message = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+        counts.append(int(message.split("Collected :")[1].split()[0]))
+    return (counts[1] - counts[0]) / (16 * 32 * 24)
 
 
 def size_of(scene, rows):
@@ -158,6 +172,7 @@ def main():
     parser.add_argument("--json", type=pathlib.Path)
     parser.add_argument("--seconds", help="CPU seconds after which errors of bdpt and path are compared")
     parser.add_argument("--reference-spp", type=int, default=512)
+    parser.add_argument("--instructions", action="store_true", help="count them in place of CPU seconds")
     parser.add_argument("--references", type=int, default=4, help="seeds of the reference")
     args = parser.parse_args()
     args.work.mkdir(parents=True, exist_ok=True)
@@ -180,6 +195,7 @@ def main():
     for scene in args.scenes.split(","):
         loading = min(render(variants[2], scene, "off", 1, 0, args, "0,0,1,1") for _ in range(2))
         for mode in args.modes.split(","):
+            counted = {v.name: instructions(v, scene, mode, args) for v in variants if args.instructions}
             for spp in map(int, args.spp.split(",")):
                 results = {v.name: ([], []) for v in variants}
                 for seed in range(1, args.seeds + 1):
@@ -189,7 +205,10 @@ def main():
                         results[variant.name][1].append(seconds - loading)
                 whole = [images for v in variants if v.name not in ("base", "path") for images in results[v.name][0]]
                 references = [np.mean([images[layer] for images in whole], axis=0) for layer in (0, 1)]
-                rows = {name: figures(images, *references, min(times)) for name, (images, times) in results.items()}
+                # ten billion instructions are about a second
+                pixels = args.size[scene][0] * args.size[scene][1]
+                costs = {name: counted[name] * spp * pixels * 1e-10 if counted else min(times) for name, (_, times) in results.items()}
+                rows = {name: figures(images, *references, costs[name]) for name, (images, _) in results.items()}
                 for name, (values, seconds) in rows.items():
                     ratios = [[v / o if o else float("nan") for v, o in zip(values, rows[other][0])] for other in ("base", "path")]
                     found.append(dict(scene=scene, mode=mode, spp=spp, variant=name, seconds=seconds, values=values, ratios=ratios))
