@@ -13,8 +13,8 @@ The second form compares errors of `bdpt` and `path` after the same CPU seconds.
 PROGRAM is an older abbe to compare with; without it, this one is, under the balance heuristic or with --base-options. Every variant renders every scene
 with the same seeds in turn, box filter, one thread. CPU time is the user time of the process less that of loading the scene, so
 other load on the machine matters little; of the seeds the least time counts. Figures are variances over the seeds, per pixel over (reference^2 + .01) of an image
-scaled to mean 1, times CPU seconds (with --instructions, times those of the passes without pilots: 80 less 64 passes of 32x24
-pixels, counted by valgrind, so that load changes nothing; of programs that were built alike): of all pixels, of all but the worst .1 %, of the median pixel; and of the paths of direct and
+scaled to mean 1, times CPU seconds (with --instructions, times those of the passes without pilots: 80 less 64 passes, counted by
+valgrind, so that load changes nothing; of programs that were built alike): of all pixels, of all but the worst .1 %, of the median pixel; and of the paths of direct and
 once scattered light (LDE, LDDE) alone, mean and median. The reference is the mean of all images of this program but those of
 `path`. Printed are the ratios of each variant to the base and to `path`; below 1 the variant is better. Run by hand; it is no
 part of the test suite. Means over few seeds are ruled by few pixels where light is found by luck.
@@ -81,14 +81,14 @@ def render(variant, scene, mode, spp, seed, args, crop=None):
 
 def instructions(variant, scene, mode, args):
     """Those of a sample."""
-    counts = []
+    counts, (width, height) = [], args.size[scene]
     for spp in (64, 80):
         command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", variant.program, "render", scene_file(scene)]
         command += ["-o", args.work / "counted.exr", "--spp", str(spp), "--threads", "1", "-q", "--filter", "box", "--no-preview"]
-        command += ["--regularize", mode, "--set", "sensor.0.resolution=[32, 24]"] + variant.options
+        command += ["--regularize", mode, "--set", f"sensor.0.resolution=[{width}, {height}]"] + variant.options
         message = subprocess.run(command, capture_output=True, text=True, check=True).stderr
         counts.append(int(message.split("Collected :")[1].split()[0]))
-    return (counts[1] - counts[0]) / (16 * 32 * 24)
+    return (counts[1] - counts[0]) / (16 * width * height)
 
 
 def size_of(scene, rows):
