@@ -308,6 +308,12 @@ fn cones_are_off_where_chains_make_what_they_would() {
     sphere = { center = [0, 0.3, 0], radius = 0.3 }
     material = "mirror"
 "#;
+    // all but the rim of it is behind the mirror on the left
+    let rim = r#"
+    [[object]]
+    disk = { center = [-2.7, 1, -1.5], normal = [0, 0, 1], radius = 1 }
+    material = "mirror"
+"#;
     let decided = |text: &str, aim: Aiming, max_depth: Option<u32>| {
         let (scene, mut settings) = scene(text);
         settings.regularization.mode = Regularize::Auto;
@@ -330,6 +336,7 @@ fn cones_are_off_where_chains_make_what_they_would() {
     for (what, text, aim, max_depth) in [
         ("longer rows", &facing, Aiming::Auto, Some(6)),
         ("rows of any length", &facing, Aiming::Auto, None),
+        ("a rim", &format!("{MIRRORS}{rim}"), Aiming::Auto, Some(3)),
         ("a ball", &format!("{MIRRORS}{ball}"), Aiming::Auto, Some(3)),
         ("no aims", &MIRRORS.to_owned(), Aiming::Off, None),
     ] {

@@ -9,6 +9,8 @@ use glam::{DVec2, DVec3};
 
 /// Triangles of a facet or of a mesh that are looked at.
 const SAMPLED_TRIANGLES: usize = 8;
+/// Relative height up to which a point lies in the plane of a face.
+const ROUNDING: f64 = 1e-9;
 
 /// A point on a face with its normal, in object space, and the triangle or other part it is on.
 pub(super) type Sample = (DVec3, DVec3, u32);
@@ -185,6 +187,14 @@ impl Face {
                 media,
             })
         })
+    }
+
+    /// Whether any point of a box in the world is before this flat face, on the side `above`.
+    pub fn has_before(&self, (low, high): (DVec3, DVec3), above: bool) -> bool {
+        let (middle, half) = ((low + high) / 2.0 - self.points[0], (high - low) / 2.0);
+        let height = middle.dot(self.normal);
+        let height = if above { height } else { -height };
+        height + half.dot(self.normal.abs()) > ROUNDING * (middle.abs() + half).length()
     }
 
     /// Whether light that leaves this flat face by a link can go straight to another one and meet
