@@ -230,7 +230,13 @@ impl Bsdf<'_> {
             .unwrap_or_else(|| self.sample_mixture(given, generate, u))
     }
 
-    fn sample_mixture(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
+    /// The same where [`Bsdf::sample_clear`] gives nothing to take.
+    pub(crate) fn sample_mixture(
+        &self,
+        given: DVec3,
+        generate: Side,
+        u: [f64; 3],
+    ) -> Option<BsdfSample> {
         let (lobe, rest) = self.choose_lobe(u[0])?;
         let above = given.z > 0.0;
         let cos = given.z.abs();

@@ -8,7 +8,7 @@
 //! also passes through the holes of all rings, nothing is in its way. Any other ray is left to the
 //! tree: what is found here is what the tree finds.
 
-use super::motion::Placement;
+use super::instance::placed_box;
 use super::ray::LocalRay;
 use super::{Hit, Instance, InstanceId, Ray, Shape, SurfaceId, Transform};
 use crate::math::predicates::transformed_error;
@@ -375,7 +375,7 @@ fn gap(instances: &[Instance], i: usize, j: usize) -> Option<Gap> {
         return None;
     };
     let (from_c, from_k) = from.profile.base();
-    let (middle, half) = in_world(placement, low, high);
+    let (middle, half) = placed_box(&placement.to_world, (low, high));
     let farthest = middle.abs() + half;
     Some(Gap {
         to: InstanceId(j as u32),
@@ -457,24 +457,12 @@ fn round_in(instance: &Instance, of: &Instance) -> Option<(Cap, f64)> {
     }
 }
 
-/// Middle and half the size of the box in the world that holds a box in another space.
-fn in_world(placement: &Placement, low: DVec3, high: DVec3) -> (DVec3, DVec3) {
-    let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
-    let rows = placement.to_world.matrix3.transpose();
-    let reach = DVec3::new(
-        rows.x_axis.abs().dot(half),
-        rows.y_axis.abs().dot(half),
-        rows.z_axis.abs().dot(half),
-    );
-    (placement.to_world.transform_point3(middle), reach)
-}
-
 /// Whether the bounds of an instance reach into a box in the space of another.
 fn reaches_into(instance: &Instance, of: &Instance, low: DVec3, high: DVec3) -> bool {
     let Transform::Static(placement) = &of.transform else {
         return true;
     };
-    let (middle, reach) = in_world(placement, low, high);
+    let (middle, reach) = placed_box(&placement.to_world, (low, high));
     let (from, to) = instance.bounds();
     let slack = SLACK * reach.max_element();
     (from - slack).cmple(middle + reach).all() && (to + slack).cmpge(middle - reach).all()

@@ -38,23 +38,28 @@ impl Instance {
     fn placed_bounds(&self, to_world: &DAffine3) -> (DVec3, DVec3) {
         let rows = to_world.matrix3.transpose();
         let rows = [rows.x_axis, rows.y_axis, rows.z_axis];
-        let (mut middle, mut half) = (DVec3::ZERO, DVec3::ONE);
         let reach = |f: &dyn Fn(DVec3) -> f64| DVec3::from(rows.map(f));
         let half = match &self.shape {
             Shape::Sphere => reach(&|r| r.length()),
             Shape::Disk { .. } => reach(&|r| r.truncate().length()),
             Shape::Quad => reach(&|r| r.x.abs() + r.y.abs()),
             Shape::Cylinder => reach(&|r| r.truncate().length() + r.z.abs()),
-            Shape::Box => reach(&|r| r.abs().dot(half)),
-            Shape::Lens(_) | Shape::Mesh(_) | Shape::Deforming(_) => {
-                let (low, high) = self.shape.bounds();
-                (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
-                reach(&|r| r.abs().dot(half))
+            Shape::Box | Shape::Lens(_) | Shape::Mesh(_) | Shape::Deforming(_) => {
+                let (middle, half) = placed_box(to_world, self.shape.bounds());
+                return (middle - half, middle + half);
             }
         };
-        let middle = to_world.transform_point3(middle);
+        let middle = to_world.transform_point3(DVec3::ZERO);
         (middle - half, middle + half)
     }
+}
+
+/// Middle and half the size of the box in the world that holds a box in another space.
+pub(super) fn placed_box(to_world: &DAffine3, (low, high): (DVec3, DVec3)) -> (DVec3, DVec3) {
+    let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+    let rows = to_world.matrix3.transpose();
+    let reach = [rows.x_axis, rows.y_axis, rows.z_axis].map(|row| row.abs().dot(half));
+    (to_world.transform_point3(middle), reach.into())
 }
 
 /// A point of the shape, in the world.

@@ -145,7 +145,6 @@ fn resolve_alone(
     stack: &MediumStack,
     d: DVec3,
 ) -> Result<Crossing, NestedTooDeep> {
-    let mut behind = *stack;
     if face.folded {
         return Ok(Crossing {
             met: 0,
@@ -154,6 +153,7 @@ fn resolve_alone(
             mismatch: None,
         });
     }
+    let mut behind = *stack;
     let alone = cross_alone(objects, &face.point, d, &mut behind)?;
     Ok(Crossing {
         met: 0,

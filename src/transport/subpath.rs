@@ -138,7 +138,8 @@ impl Scatterer<'_> {
         if let Some(found) = self.bsdf.sample_clear(given, self.frame.z, u[0]) {
             return found;
         }
-        let mut sample = self.bsdf.sample(self.frame.to_local(given), generate, u)?;
+        let local = self.frame.to_local(given);
+        let mut sample = self.bsdf.sample_mixture(local, generate, u)?;
         sample.w = self.frame.to_outer(sample.w);
         Some(sample)
     }

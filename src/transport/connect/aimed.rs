@@ -393,11 +393,11 @@ impl<'a> Joiner<'a> {
         let last = segments[m];
         let at_light = self.reach_light(ends, segments[0], points[0], kind[0].before())?;
         let x0 = match ends.light {
+            // in a beam it is known only now
             LightEnd::Start => at_light.point,
             LightEnd::Vertex(..) => ends.start.x0,
         };
-        if matches!(ends.light, LightEnd::Start) && !x0.infinite {
-            // in a beam it is known only now
+        if matches!(far, Far::Direction(_)) && !x0.infinite {
             segments[0].1 = x0.p.distance(points[0]);
         }
         let at_sensor = self.reach_sensor(ends, last, points[m - 1], kind[m - 1].after())?;
