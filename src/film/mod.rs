@@ -5,8 +5,10 @@
 
 pub mod filter;
 pub mod fixed;
+pub mod sources;
 
 pub use filter::Filter;
+pub use sources::{Blocks, Sources};
 
 use fixed::Unrepresentable;
 use glam::DVec2;
@@ -113,8 +115,10 @@ pub struct Film {
     /// Value of 2⁶⁴ in the sums, a power of two.
     unit: f64,
     /// By half and row; in each, sums by column and channel. A splat takes one lock per row, where
-    /// sums that are atomic each took one per channel.
+    /// sums that are atomic each took one per channel. Behind the rows of a half stand its sums by
+    /// blocks of sources, each by channel.
     rows: Vec<Mutex<Box<[i128]>>>,
+    sources: Option<Sources>,
     not_finite: AtomicU64,
     saturated: AtomicU64,
 }
@@ -130,6 +134,7 @@ impl Film {
             channels,
             unit: 1.0,
             rows: (0..2 * crop.height()).map(|_| row()).collect(),
+            sources: None,
             not_finite: AtomicU64::new(0),
             saturated: AtomicU64::new(0),
         }
@@ -141,6 +146,36 @@ impl Film {
     pub fn with_exponent(self, exponent: i32) -> Self {
         let unit = f64::from(exponent).exp2();
         Self { unit, ..self }
+    }
+
+    /// The same with sums by the pixels whose samples have brought the light. (An empty film.)
+    #[must_use]
+    pub fn with_sources(self, sources: Sources) -> Self {
+        let blocks = sources.blocks.count();
+        Self {
+            sources: Some(sources),
+            ..self.with_block_sums(blocks)
+        }
+    }
+
+    /// The same with room for the sums of another film by so many blocks of sources. (An empty
+    /// film.)
+    #[must_use]
+    pub fn with_block_sums(self, blocks: u32) -> Self {
+        let (width, height) = (self.crop.width() as usize, self.crop.height());
+        let row = |length| Mutex::new(vec![0; length].into());
+        let half = || {
+            let pixels = (0..height).map(|_| row(width * self.channels));
+            pixels.chain((0..blocks).map(|_| row(self.channels)))
+        };
+        let rows = half().chain(half()).collect();
+        Self { rows, ..self }
+    }
+
+    /// Number of blocks of sources by which light is summed up.
+    #[must_use]
+    pub fn blocks(&self) -> u32 {
+        (self.rows.len() / 2) as u32 - self.crop.height()
     }
 
     /// The part of the film that is held.
@@ -173,28 +208,35 @@ impl Film {
     /// Adds to one pixel (absolute film coordinates; nothing happens outside the crop) of half
     /// `half` (0 or 1). One value per channel.
     pub fn add_pixel(&self, x: u32, y: u32, half: usize, values: &[f64]) {
-        if self.crop.contains(x, y) {
-            self.add_scaled(&mut self.row(half, y), x, values, 1.0);
+        if self.crop.contains(x, y) && self.add_scaled(&mut self.row(half, y), x, values, 1.0) {
+            self.add_to_block((x, y), half, values, self.measure(x, y));
         }
     }
 
-    /// Adds a splat at a raster position: every pixel p in the filter's reach gets value ×
-    /// f_p(raster) × pixel area. Positions outside the film count as far as they reach into it.
-    pub fn add_splat(&self, raster: DVec2, half: usize, values: &[f64]) {
+    /// Adds a splat at a raster position, of a sample of the pixel `source`: every pixel p in the
+    /// filter's reach gets value × f_p(raster) × pixel area. Positions outside the film count as
+    /// far as they reach into it.
+    pub fn add_splat(&self, raster: DVec2, source: (u32, u32), half: usize, values: &[f64]) {
         if !raster.is_finite() {
             self.not_finite.fetch_add(1, Relaxed);
             return;
         }
         let (columns, rows) = self.reached_by(raster);
+        let mut landed = 0.0;
         for y in rows {
             let mut row = None;
             for x in columns.clone() {
                 let weight = self.weight(raster, x, y);
                 if weight > 0.0 {
                     let row = row.get_or_insert_with(|| self.row(half, y));
-                    self.add_scaled(row, x, values, weight);
+                    if self.add_scaled(row, x, values, weight) {
+                        landed += weight * self.measure(x, y);
+                    }
                 }
             }
+        }
+        if landed > 0.0 {
+            self.add_to_block(source, half, values, landed);
         }
     }
 
@@ -230,11 +272,32 @@ impl Film {
     /// The sums of a row of a half, for this thread alone.
     fn row(&self, half: usize, y: u32) -> MutexGuard<'_, Box<[i128]>> {
         debug_assert!(half < 2);
-        let index = half * self.crop.height() as usize + (y - self.crop.y0) as usize;
-        lock(&self.rows[index])
+        lock(&self.half(half)[(y - self.crop.y0) as usize])
     }
 
-    fn add_scaled(&self, row: &mut [i128], x: u32, values: &[f64], scale: f64) {
+    /// Rows and blocks of a half.
+    fn half(&self, half: usize) -> &[Mutex<Box<[i128]>>] {
+        let length = self.rows.len() / 2;
+        &self.rows[half * length..(half + 1) * length]
+    }
+
+    /// Measure of a pixel of the crop in sums by sources.
+    fn measure(&self, x: u32, y: u32) -> f64 {
+        let measures = self.sources.as_ref().and_then(|s| s.measures.as_ref());
+        measures.map_or(1.0, |all| all[self.crop.index(x, y)])
+    }
+
+    /// Adds to the block of a source what the film has got.
+    fn add_to_block(&self, source: (u32, u32), half: usize, values: &[f64], scale: f64) {
+        let block = self.sources.as_ref().and_then(|s| s.blocks.at(source));
+        if let Some(block) = block {
+            let sums = &self.half(half)[(self.crop.height() + block) as usize];
+            self.add_scaled(&mut lock(sums), self.crop.x0, values, scale);
+        }
+    }
+
+    /// Adds values to sums. Whether that can be: none is added where one cannot.
+    fn add_scaled(&self, row: &mut [i128], x: u32, values: &[f64], scale: f64) -> bool {
         debug_assert!(values.len() == self.channels);
         let scale = scale / self.unit;
         for &value in values {
@@ -242,11 +305,11 @@ impl Film {
                 Ok(()) => {}
                 Err(Unrepresentable::NotFinite) => {
                     self.not_finite.fetch_add(1, Relaxed);
-                    return;
+                    return false;
                 }
                 Err(Unrepresentable::TooLarge) => {
                     self.saturated.fetch_add(1, Relaxed);
-                    return;
+                    return false;
                 }
             }
         }
@@ -259,19 +322,23 @@ impl Film {
                 }
             }
         }
+        true
     }
 
-    /// Number of sums of a half.
-    fn values_of_half(&self) -> usize {
+    /// Number of channels of all pixels.
+    fn value_count(&self) -> usize {
         self.crop.pixels() as usize * self.channels
     }
 
-    /// The sums of one half, row by row.
-    fn half_sums(&self, half: usize) -> impl Iterator<Item = i128> {
-        let height = self.crop.height() as usize;
-        let rows = &self.rows[half * height..(half + 1) * height];
-        // a row at a time, so that threads that add wait for no longer
-        rows.iter().flat_map(|row| lock(row).clone())
+    /// Number of sums of one half, those by sources included.
+    #[must_use]
+    pub fn sums_per_half(&self) -> usize {
+        self.value_count() + self.blocks() as usize * self.channels
+    }
+
+    /// The sums of the pixels of one half, row by row.
+    fn pixel_sums(&self, half: usize) -> impl Iterator<Item = i128> {
+        copied(&self.half(half)[..self.crop.height() as usize])
     }
 
     /// Sum of both halves / number of passes, per pixel and channel, row by row. Black without
@@ -279,9 +346,9 @@ impl Film {
     #[must_use]
     pub fn image(&self, passes: u64) -> Vec<f64> {
         let scale = mean_scale(passes) * self.unit;
-        let pairs = self.half_sums(0).zip(self.half_sums(1));
+        let pairs = self.pixel_sums(0).zip(self.pixel_sums(1));
         let mean = |(even, odd)| (fixed::to_f64(even) + fixed::to_f64(odd)) * scale;
-        collected(self.values_of_half(), pairs.map(mean))
+        collected(self.value_count(), pairs.map(mean))
     }
 
     /// The channels of one pixel of [`Film::image`] (absolute film coordinates); `None` outside the
@@ -313,7 +380,7 @@ impl Film {
             return None;
         }
         let values = |half| {
-            self.half_sums(half)
+            self.pixel_sums(half)
                 .skip(channel)
                 .step_by(self.channels)
                 .map(fixed::to_f64)
@@ -332,8 +399,7 @@ impl Film {
     #[must_use]
     pub fn noise(&self, channel: usize, passes_even: u64, passes_odd: u64) -> Option<Vec<f64>> {
         let mut noise = self.half_difference(channel, passes_even, passes_odd)?;
-        let share = passes_even as f64 / (passes_even + passes_odd) as f64;
-        let scale = (share * (1.0 - share)).sqrt();
+        let scale = difference_scale(passes_even, passes_odd);
         noise.iter_mut().for_each(|d| *d *= scale);
         Some(noise)
     }
@@ -369,17 +435,35 @@ impl Film {
         Some(errors)
     }
 
-    /// The exact sums in units of 2^(exponent − 64), by half, row, column and channel.
+    /// Standard error of the sum of [`Film::image`] over all pixels, each times its measure, and
+    /// over these channels: blocks of sources are independent, and as far as they are not, the
+    /// error is smaller. `None` while a half has no passes, and of films without sums by sources.
+    #[must_use]
+    pub fn error_of_total(&self, channels: Range<usize>, [even, odd]: [u64; 2]) -> Option<f64> {
+        if self.blocks() == 0 || even == 0 || odd == 0 {
+            return None;
+        }
+        let total = |block: &Mutex<Box<[i128]>>, passes: u64| {
+            let sums = &lock(block)[channels.clone()];
+            sums.iter().map(|sum| fixed::to_f64(*sum)).sum::<f64>() * mean_scale(passes)
+        };
+        let first = self.crop.height() as usize;
+        let pairs = self.half(0)[first..].iter().zip(&self.half(1)[first..]);
+        let squares = pairs.map(|(e, o)| (total(e, even) - total(o, odd)).powi(2));
+        Some(self.unit * difference_scale(even, odd) * squares.sum::<f64>().sqrt())
+    }
+
+    /// The exact sums in units of 2^(exponent − 64), by half, row, column and channel; behind the
+    /// rows of each half those by sources.
     #[must_use]
     pub fn sums(&self) -> Vec<i128> {
-        let both = self.half_sums(0).chain(self.half_sums(1));
-        collected(2 * self.values_of_half(), both)
+        collected(2 * self.sums_per_half(), copied(&self.rows))
     }
 
     /// Those of one half (0 or 1).
     #[must_use]
     pub fn sums_of_half(&self, half: usize) -> Vec<i128> {
-        collected(self.values_of_half(), self.half_sums(half))
+        collected(self.sums_per_half(), copied(self.half(half)))
     }
 
     /// Adds the sums of another film of the same size.
@@ -395,8 +479,8 @@ impl Film {
     /// # Errors
     /// As [`Film::add_sums`].
     pub fn add_sums_to_half(&mut self, half: usize, sums: &[i128]) -> Result<(), AddSumsError> {
-        let height = self.rows.len() / 2;
-        add_all(&mut self.rows[half * height..(half + 1) * height], sums)
+        let length = self.rows.len() / 2;
+        add_all(&mut self.rows[half * length..(half + 1) * length], sums)
     }
 
     /// Moves the sums and counts of another film of the same size into this one and leaves it
@@ -448,6 +532,18 @@ fn add_all(rows: &mut [Mutex<Box<[i128]>>], more: &[i128]) -> Result<(), AddSums
     let ours = rows.iter_mut().flat_map(exclusive);
     ours.zip(more).for_each(|(sum, more)| *sum += more);
     Ok(())
+}
+
+/// The sums of rows. One row at a time, so that threads that add wait for no longer.
+fn copied(rows: &[Mutex<Box<[i128]>>]) -> impl Iterator<Item = i128> {
+    rows.iter().flat_map(|row| lock(row).clone())
+}
+
+/// Standard error of a mean of so many even and odd passes over that of the difference of the
+/// halves, see [`Film::noise`].
+fn difference_scale(even: u64, odd: u64) -> f64 {
+    let share = even as f64 / (even + odd) as f64;
+    (share * (1.0 - share)).sqrt()
 }
 
 fn mean_scale(passes: u64) -> f64 {

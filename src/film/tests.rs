@@ -10,6 +10,9 @@ const CROP: Crop = Crop {
     y1: 4,
 };
 
+/// A pixel of it, as the source of splats.
+const CORNER: (u32, u32) = (2, 1);
+
 fn random(i: u64) -> f64 {
     unit_f64(random_bits(5, i))
 }
@@ -20,7 +23,7 @@ fn any_order_and_any_threads_give_the_same_bits() {
         let raster = DVec2::new(8.0 * random(3 * i), 5.0 * random(3 * i + 1));
         // ten orders of magnitude: f64 sums would differ
         let value = 10.0_f64.powf(10.0 * random(3 * i + 2) - 5.0);
-        film.add_splat(raster, (i % 2) as usize, &[value, 0.1 * value]);
+        film.add_splat(raster, CORNER, (i % 2) as usize, &[value, 0.1 * value]);
     };
     let new = || {
         Film::new(
@@ -66,7 +69,7 @@ fn box_splats_land_in_one_pixel() {
         (DVec2::new(-1e300, 1e300), None),
     ] {
         let before = film.sums();
-        film.add_splat(raster, 0, &[1.0]);
+        film.add_splat(raster, CORNER, 0, &[1.0]);
         let changed: Vec<usize> = (0..before.len())
             .filter(|&i| film.sums()[i] != before[i])
             .collect();
@@ -92,7 +95,7 @@ fn a_uniform_field_of_splats_is_flat_to_the_corners() {
         for y in -margin * per_pixel..(3 + margin) * per_pixel {
             for x in -margin * per_pixel..(4 + margin) * per_pixel {
                 let raster = (DVec2::new(f64::from(x), f64::from(y)) + 0.5) * step;
-                film.add_splat(raster, 0, &[step * step]);
+                film.add_splat(raster, CORNER, 0, &[step * step]);
             }
         }
         for value in film.image(1) {
@@ -145,8 +148,8 @@ fn standard_error_predicts_the_spread() {
 fn bad_values_are_counted_and_left_out() {
     let film = Film::new(CROP, Filter::Box, 2);
     film.add_pixel(2, 1, 0, &[1.0, f64::NAN]);
-    film.add_splat(DVec2::new(2.5, 1.5), 0, &[f64::INFINITY, 1.0]);
-    film.add_splat(DVec2::new(f64::NAN, 1.5), 0, &[1.0, 1.0]);
+    film.add_splat(DVec2::new(2.5, 1.5), CORNER, 0, &[f64::INFINITY, 1.0]);
+    film.add_splat(DVec2::new(f64::NAN, 1.5), CORNER, 0, &[1.0, 1.0]);
     film.add_pixel(2, 1, 1, &[1e300, 1.0]);
     assert_eq!(
         film.rejected(),
@@ -182,4 +185,73 @@ fn sums_that_would_overflow_stay_as_they_are() {
     assert_eq!(film.rejected().saturated, 1);
     let overflow = AddSumsError::Overflow { index: 0 };
     assert_eq!(film.add_sums(&sums), Err(overflow));
+}
+
+#[test]
+fn totals_are_known_as_well_as_their_sources() {
+    let (resolution, passes) = (Crop::whole(16, 8), [3_u64, 2]);
+    let measures: Vec<f64> = (0..128).map(|i| 1.0 + f64::from(i % 3)).collect();
+    let film = || {
+        Film::new(resolution, Filter::Tent { radius: 1.5 }, 2)
+            .with_exponent(20)
+            .with_sources(Sources {
+                blocks: Blocks::of(&resolution),
+                measures: Some(measures.clone().into()),
+            })
+    };
+    // what a splat of 1 adds to the total
+    let landed = |film: &Film, raster: DVec2| -> f64 {
+        let pixels = (0..128).map(|i| (i % 16, i / 16));
+        let weights = pixels.map(|(x, y)| film.weight(raster, x, y));
+        weights.zip(&measures).map(|(w, m)| w * m).sum()
+    };
+    // each sample lands elsewhere; odd passes bring what differs by the source alone
+    let (film, blocks) = (film(), Blocks::of(&resolution));
+    let mut excesses = vec![0.0; blocks.count() as usize];
+    for (x, y) in (0..8).flat_map(|y| (0..16).map(move |x| (x, y))) {
+        let excess = random(u64::from(16 * y + x)) - 0.5;
+        for pass in 0..5 {
+            let at = |i| random(1000 + u64::from(80 * (16 * y + x) + 16 * pass + i));
+            // inside, where the filter's weights sum to 1
+            let raster = DVec2::new(2.0 + 12.0 * at(0), 2.0 + 4.0 * at(1));
+            let value = 1e6 * (1.0 + f64::from(pass & 1) * excess);
+            // as much by all measures
+            let landed = landed(&film, raster);
+            film.add_splat(raster, (x, y), pass as usize & 1, &[value / landed, 0.0]);
+        }
+        excesses[blocks.at((x, y)).unwrap() as usize] += 1e6 * excess;
+    }
+    // Var(E - O) = s² (1/3 + 1/2), and the mean of five passes has s²/5
+    let squares: f64 = excesses.iter().map(|d| d * d).sum();
+    let expected = (squares * 6.0 / 25.0).sqrt();
+    let error = film.error_of_total(0..2, passes).expect("both halves");
+    assert!((error / expected - 1.0).abs() < 1e-9, "{error}, {expected}");
+    assert_eq!(film.error_of_total(1..2, passes), Some(0.0));
+    assert_eq!(film.error_of_total(0..2, [3, 0]), None);
+
+    // what lands is what is summed up, and parts add up
+    let image = film.image(5);
+    let total: f64 = image
+        .iter()
+        .step_by(2)
+        .zip(&measures)
+        .map(|(v, m)| v * m)
+        .sum();
+    let sums = film.sums();
+    let rows = (128 * 2, 128 * 2 + 2 * film.blocks() as usize);
+    assert_eq!(sums.len(), 2 * rows.1);
+    let of_half = |half: usize| sums[half * rows.1..][rows.0..rows.1].iter().step_by(2);
+    let by_sources: i128 = of_half(0).chain(of_half(1)).sum();
+    let by_sources = fixed::to_f64(by_sources) * f64::exp2(20.0) / 5.0;
+    assert!(
+        (by_sources / total - 1.0).abs() < 1e-12,
+        "{by_sources}, {total}"
+    );
+    let mut read = Film::new(resolution, Filter::Box, 2)
+        .with_exponent(20)
+        .with_block_sums(film.blocks());
+    read.add_sums(&sums).unwrap();
+    assert_eq!(read.sums(), sums);
+    assert_eq!(read.error_of_total(0..2, passes), Some(error));
+    assert_eq!(read.sums_of_half(1), film.sums_of_half(1));
 }

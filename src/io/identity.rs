@@ -150,6 +150,7 @@ pub fn header(render: &Render) -> PartHeader {
         height: size.height,
         crop: [crop.x0, crop.y0, crop.x1, crop.y1],
         channels: 3,
+        blocks: render.outputs().image.blocks(),
         exponent: scene.film_exponent,
         pilot: render.factors().map_or(0, |found| found.passes.0),
         image: BTreeMap::from_iter(named),

@@ -13,10 +13,8 @@ use crate::camera::Resolution;
 use crate::camera::far_field::FarField;
 use crate::develop::Development;
 use crate::film::{AddSumsError, Film, Filter};
-use crate::math::named::Named;
-use crate::render::flux::SpectralFlux;
+use crate::render::flux::{SpectralFlux, Y};
 use crate::render::{PixelMeasure, Render, Total};
-use crate::scene::settings::IntegratorKind;
 use crate::spectrum::SpectralChannels;
 use glam::DVec2;
 use std::path::{Path, PathBuf};
@@ -54,7 +52,8 @@ fn split_sums<'s>(header: &PartHeader, sums: &'s [i128]) -> (&'s [i128], &'s [i1
 fn film_of_sums(header: &PartHeader, channels: usize, sums: &[i128]) -> Result<Film, AddSumsError> {
     // nothing is splatted any more: the filter does not matter
     let film = Film::new(header.crop(), Filter::Box, channels);
-    let mut film = film.with_exponent(header.exponent);
+    let film = film.with_exponent(header.exponent);
+    let mut film = film.with_block_sums(header.blocks);
     film.add_sums(sums)?;
     Ok(film)
 }
@@ -176,7 +175,7 @@ fn flux(film: &Film, header: &PartHeader) -> Option<(String, MetadataValue)> {
     let pixels = measure(header)?;
     let response = identity::response_of_unit(header.image.get(identity::UNIT)?);
     let scale = response.photometric_unit();
-    let total = Total::of(film, 1, &pixels, scale, halves(header));
+    let total = Total::of(film, Y, &pixels, scale, halves(header));
     Some(flux_entry("", &total, "lm"))
 }
 
@@ -284,13 +283,7 @@ fn spectral_image(
         metadata.entries.push((name.to_owned(), value));
     }
     if let Some(pixels) = measure(header) {
-        let mut flux = SpectralFlux::new(spectral, film, &pixels, halves);
-        let integrator = header.image.get("integrator");
-        let integrator = integrator.and_then(|name| IntegratorKind::named(name));
-        if integrator.is_some_and(IntegratorKind::runs_chains) {
-            // pixels err together
-            flux = flux.without_errors();
-        }
+        let flux = SpectralFlux::new(spectral, film, &pixels, halves);
         let lines = flux.lines_w.iter();
         let lines = lines.map(|(nm, watts)| flux_entry(&format!("{nm}nm"), watts, "W"));
         metadata.entries.extend(lines);

@@ -257,6 +257,7 @@ mod tests {
                 height: 4,
                 crop: [0, 0, 4, 4],
                 channels: 3,
+                blocks: 0,
                 exponent: 0,
                 pilot: 0,
                 image: BTreeMap::new(),

@@ -2,7 +2,7 @@
 //! of one bench cost one render.
 
 use super::{Choices, ClassTable, Outputs, PilotPasses, Render, SessionError};
-use crate::film::{AddSumsError, Film};
+use crate::film::AddSumsError;
 use crate::integrator::{Companion, SensorJob};
 use crate::scene::Scene;
 use crate::scene::settings::IntegratorKind;
@@ -57,11 +57,13 @@ impl Render {
             }
             let crop = self.scene.sensors[sensor].whole_film();
             let (scene, settings, request) = (&self.scene, &self.settings, &self.request);
-            let companion = match choices.as_mut().and_then(Iterator::next) {
+            let mut companion = match choices.as_mut().and_then(Iterator::next) {
                 Some(found) => Self::with_choices(scene, sensor, settings, crop, request, found)
                     .ok_or(SessionError::Choices)?,
                 None => Self::with_pilot(scene, sensor, settings, crop, request, pilot),
             };
+            // its light is that of the samples of this render's pixels
+            companion.outputs = companion.empty_outputs(&self.crop);
             self.companions.push(companion);
         }
         Ok(())
@@ -108,7 +110,7 @@ impl Render {
         sums: &[i128],
     ) -> Result<(), AddSumsError> {
         let films = self.films().into_iter().flat_map(Outputs::part_films);
-        let counts: Vec<usize> = films.map(|film| 2 * half_sums(film)).collect();
+        let counts: Vec<usize> = films.map(|film| 2 * film.sums_per_half()).collect();
         let each = split(sums, &counts)?;
         let renders = std::iter::once(&mut self.outputs);
         let companions = self.companions.iter_mut().map(|r| &mut r.outputs);
@@ -157,11 +159,6 @@ impl Render {
         let errors = self.and_companions().filter_map(|r| r.error());
         errors.map(|e| e.relative).reduce(f64::max)
     }
-}
-
-/// Number of sums of one half of a film.
-pub(super) fn half_sums(film: &Film) -> usize {
-    film.crop().pixels() as usize * film.channels()
 }
 
 /// Sums of all films, film by film.

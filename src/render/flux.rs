@@ -1,22 +1,24 @@
 //! Flux through a detector: its film, summed up.
 //!
-//! The standard error takes pixels as independent and is the root of the sum of their squared
-//! errors, each known from the two halves of the passes: with n pixels it is itself known to about
-//! 1/√(2n).
+//! The standard error is the root of the sum of the squared errors of what blocks of pixels have
+//! brought by their samples, wherever it has landed, each known from the two halves of the passes:
+//! with n blocks it is itself known to about 1/√(2n).
 
 use super::Outputs;
-use crate::camera::Camera;
-use crate::film::{Crop, Film};
-use crate::geometry::Moment;
+use crate::film::{Blocks, Crop, Film, Sources};
+use crate::scene::Sensor;
+use crate::scene::settings::IntegratorKind;
 use crate::spectrum::SpectralChannels;
 use std::fmt;
+use std::ops::Range;
 
 /// A sum over a film.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Total {
     /// The sum.
     pub value: f64,
-    /// Standard error; `None` before both halves of the passes have one.
+    /// Standard error; `None` before both halves of the passes have one, and where samples depend
+    /// on each other (Markov chains, photon merging).
     pub error: Option<f64>,
 }
 
@@ -30,10 +32,11 @@ pub enum PixelMeasure {
 }
 
 impl PixelMeasure {
-    /// Of a detector over part of its film; `None` for cameras.
+    /// Of a detector over part of its film, as it is when the shutter opens; `None` for cameras.
     #[must_use]
-    pub fn of(camera: &Camera, crop: &Crop, moment: Moment) -> Option<Self> {
-        let area = camera.detector_area(moment)?;
+    pub fn of(sensor: &Sensor, crop: &Crop) -> Option<Self> {
+        let camera = &sensor.camera;
+        let area = camera.detector_area(sensor.shutter.open_s.into())?;
         let resolution = camera.resolution();
         Some(match camera.far_field() {
             Some(field) => {
@@ -55,39 +58,71 @@ impl PixelMeasure {
     }
 }
 
+impl PixelMeasure {
+    /// The mean, and each of them over it where they are not all the same.
+    fn relative(self) -> (f64, Option<Vec<f64>>) {
+        match self {
+            Self::Uniform(measure) => (measure, None),
+            Self::Each(mut all) => {
+                let mean = mean(&all);
+                all.iter_mut().for_each(|measure| *measure /= mean);
+                (mean, Some(all))
+            }
+        }
+    }
+
+    fn mean(&self) -> f64 {
+        match self {
+            Self::Uniform(measure) => *measure,
+            Self::Each(all) => mean(all),
+        }
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// How the light of a detector is summed up by the pixels of `sources`, whose samples bring it;
+/// `None` for cameras, and where samples of different pixels depend on each other: those of Markov
+/// chains, and those that share photons.
+pub(super) fn sources(
+    sensor: &Sensor,
+    integrator: IntegratorKind,
+    crop: &Crop,
+    sources: &Crop,
+) -> Option<Sources> {
+    if integrator.runs_chains() || integrator.merges() {
+        return None;
+    }
+    let (_, relative) = PixelMeasure::of(sensor, crop)?.relative();
+    Some(Sources {
+        blocks: Blocks::of(sources),
+        measures: relative.map(Into::into),
+    })
+}
+
 impl Total {
-    /// Sum of a channel over the pixels of a film whose halves hold so many passes, times `scale`.
+    /// Sum of channels over the pixels of a film whose halves hold so many passes, times `scale`.
     #[must_use]
     pub fn of(
         film: &Film,
-        channel: usize,
+        channels: Range<usize>,
         pixels: &PixelMeasure,
         scale: f64,
-        [even, odd]: [u64; 2],
+        passes: [u64; 2],
     ) -> Self {
-        let image = film.image(even + odd);
-        let values = image.iter().skip(channel).step_by(film.channels());
-        let noise = film.noise(channel, even, odd);
-        let root = |squares: f64| squares.sqrt();
-        match pixels {
-            PixelMeasure::Uniform(measure) => {
-                let scale = scale * measure;
-                Self {
-                    value: scale * values.sum::<f64>(),
-                    error: noise.map(|noise| scale * root(noise.iter().map(|v| v * v).sum())),
-                }
-            }
-            PixelMeasure::Each(measures) => {
-                let values = values.zip(measures).map(|(v, m)| v * m);
-                let noise = noise.map(|noise| {
-                    let each = noise.iter().zip(measures).map(|(v, m)| v * m);
-                    scale * root(each.map(|v| v * v).sum())
-                });
-                Self {
-                    value: scale * values.sum::<f64>(),
-                    error: noise,
-                }
-            }
+        let image = film.image(passes[0] + passes[1]);
+        let values = image.chunks_exact(film.channels());
+        let values = values.map(|pixel| pixel[channels.clone()].iter().sum::<f64>());
+        let sum = match pixels {
+            PixelMeasure::Uniform(measure) => measure * values.sum::<f64>(),
+            PixelMeasure::Each(measures) => values.zip(measures).map(|(v, m)| v * m).sum(),
+        };
+        let error = film.error_of_total(channels, passes);
+        Self {
+            value: scale * sum,
+            error: error.map(|error| scale * pixels.mean() * error),
         }
     }
 }
@@ -100,6 +135,9 @@ impl fmt::Display for Total {
         }
     }
 }
+
+/// The channel of brightness in films of X, Y and Z.
+pub const Y: Range<usize> = 1..2;
 
 /// Radiant flux through a detector, line by line.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,27 +159,12 @@ impl SpectralFlux {
     ) -> Self {
         let lines = channels.lines_nm();
         let bins = channels.count() - lines.len();
-        let total = |channel, scale| Total::of(film, channel, pixels, scale, passes);
-        let of_line = |(i, &nm)| (nm, total(bins + i, 1.0));
+        let total = |channels, scale| Total::of(film, channels, pixels, scale, passes);
+        let of_line = |(i, &nm)| (nm, total(bins + i..bins + i + 1, 1.0));
         Self {
             lines_w: lines.iter().enumerate().map(of_line).collect(),
-            // bins of one path share its wavelengths, but not their noise
-            continuum_w: (0..bins)
-                .map(|bin| total(bin, channels.bin_width_nm()))
-                .reduce(|sum, bin| Total {
-                    value: sum.value + bin.value,
-                    error: sum.error.zip(bin.error).map(|(a, b)| a.hypot(b)),
-                }),
+            continuum_w: (bins > 0).then(|| total(0..bins, channels.bin_width_nm())),
         }
-    }
-
-    /// The same, of pixels whose errors are not independent.
-    #[must_use]
-    pub fn without_errors(mut self) -> Self {
-        let lines = self.lines_w.iter_mut().map(|line| &mut line.1);
-        let totals = lines.chain(&mut self.continuum_w);
-        totals.for_each(|total| total.error = None);
-        self
     }
 }
 
@@ -165,12 +188,12 @@ impl Flux {
     pub fn new(outputs: &Outputs, pixels: &PixelMeasure, passes: [u64; 2]) -> Self {
         let lumens = outputs.response.photometric_unit();
         let mut flux = Self {
-            luminous_lm: Total::of(&outputs.image, 1, pixels, lumens, passes),
+            luminous_lm: Total::of(&outputs.image, Y, pixels, lumens, passes),
             lines_w: Vec::new(),
             continuum_w: None,
             classes_lm: (outputs.classes.iter())
                 .map(|(class, film)| {
-                    let total = Total::of(film, 1, pixels, lumens, passes);
+                    let total = Total::of(film, Y, pixels, lumens, passes);
                     (class.source().to_owned(), total)
                 })
                 .collect(),
@@ -180,16 +203,5 @@ impl Flux {
             (flux.lines_w, flux.continuum_w) = (spectral.lines_w, spectral.continuum_w);
         }
         flux
-    }
-
-    /// The same, of pixels whose errors are not independent.
-    #[must_use]
-    pub fn without_errors(mut self) -> Self {
-        let lines = self.lines_w.iter_mut().map(|line| &mut line.1);
-        let classes = self.classes_lm.iter_mut().map(|class| &mut class.1);
-        let totals = lines.chain(classes).chain(&mut self.continuum_w);
-        totals.for_each(|total| total.error = None);
-        self.luminous_lm.error = None;
-        self
     }
 }

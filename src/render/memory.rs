@@ -11,7 +11,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Bytes of the films of a request, of so many pixels: two halves of a sum per channel. Films of
-/// single strategies come with the paths that are met, and are not counted.
+/// single strategies come with the paths that are met, and are not counted; nor are sums by sources
+/// of detectors, of which there are no more than pixels, and at most 64.
 #[must_use]
 pub fn film_bytes(pixels: u64, request: &OutputRequest) -> u64 {
     let shares = if request.shares { 2 } else { 0 };

@@ -127,8 +127,7 @@ impl Render {
         request: &OutputRequest,
         choices: Choices,
     ) -> Self {
-        let filter = scene.sensors[sensor].filter;
-        let outputs = Outputs::new(request, crop, filter, scene.film_exponent);
+        let outputs = empty_outputs((scene, sensor), settings, request, &crop, &crop);
         let regularization = frame(scene, sensor, settings, &crop, request).regularization;
         Self {
             scene: Arc::clone(scene),
@@ -395,12 +394,14 @@ impl Render {
 
     /// Films as those of this render and its companions, without a pass.
     fn empty_films(&self) -> Vec<Outputs> {
-        let empty = |render: &Self| {
-            let filter = render.scene.sensors[render.sensor].filter;
-            let exponent = render.scene.film_exponent;
-            Outputs::new(&render.request, render.crop, filter, exponent)
-        };
+        let empty = |render: &Self| render.empty_outputs(&self.crop);
         self.and_companions().map(empty).collect()
+    }
+
+    /// Films as its own, without a pass, for light of the samples of these pixels.
+    fn empty_outputs(&self, sources: &Crop) -> Outputs {
+        let of = (&*self.scene, self.sensor);
+        empty_outputs(of, &self.settings, &self.request, &self.crop, sources)
     }
 
     /// Counts a whole pass, which the films hold.
@@ -482,13 +483,8 @@ impl Render {
     #[must_use]
     pub fn flux(&self) -> Option<Flux> {
         let sensor = &self.scene.sensors[self.sensor];
-        let pixels = PixelMeasure::of(&sensor.camera, &self.crop, sensor.shutter.open_s.into())?;
-        let flux = Flux::new(&self.outputs, &pixels, self.pass_counts());
-        Some(match self.chains() {
-            None => flux,
-            // the pixels of a chain err together
-            Some(_) => flux.without_errors(),
-        })
+        let pixels = PixelMeasure::of(sensor, &self.crop)?;
+        Some(Flux::new(&self.outputs, &pixels, self.pass_counts()))
     }
 
     /// Estimated error of the image. `None` before both halves of the passes have one, or 32 Markov
@@ -507,6 +503,20 @@ impl Render {
             ..error
         })
     }
+}
+
+/// Films of a part of a sensor's film, without a pass, for light of the samples of the pixels of
+/// `sources`.
+fn empty_outputs(
+    (scene, sensor): (&Scene, usize),
+    settings: &Settings,
+    request: &OutputRequest,
+    crop: &Crop,
+    sources: &Crop,
+) -> Outputs {
+    let (sensor, exponent) = (&scene.sensors[sensor], scene.film_exponent);
+    let sources = flux::sources(sensor, settings.integrator, crop, sources);
+    Outputs::new(request, *crop, sensor.filter, exponent, sources.as_ref())
 }
 
 /// The common part of all samples of a render.

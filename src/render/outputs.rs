@@ -2,7 +2,7 @@
 //! the share of regularized strategies.
 
 use super::expression::{PathExpression, PathText};
-use crate::film::{Crop, Film, Filter};
+use crate::film::{Crop, Film, Filter, Sources};
 use crate::spectrum::{LaneResponse, SensorResponse, SpectralChannels};
 use crate::transport::subpath::Event;
 use crate::transport::{Contribution, Target};
@@ -63,22 +63,33 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// Empty images whose sums have this exponent ([`Film::with_exponent`]).
+    /// Empty images whose sums have this exponent ([`Film::with_exponent`]). Those of all light, of
+    /// spectra and of classes are summed up by `sources` too, where there are some.
     #[must_use]
-    pub fn new(request: &OutputRequest, crop: Crop, filter: Filter, exponent: i32) -> Self {
+    pub fn new(
+        request: &OutputRequest,
+        crop: Crop,
+        filter: Filter,
+        exponent: i32,
+        sources: Option<&Sources>,
+    ) -> Self {
         let film = |channels| Film::new(crop, filter, channels).with_exponent(exponent);
+        let summed = |channels| match sources {
+            Some(sources) => film(channels).with_sources(sources.clone()),
+            None => film(channels),
+        };
         Self {
             response: request.response,
-            image: film(3),
+            image: summed(3),
             spectral: request
                 .spectral
                 .clone()
-                .map(|channels| (channels.clone(), film(channels.count()))),
+                .map(|channels| (channels.clone(), summed(channels.count()))),
             strategies: request.strategies.then(RwLock::default),
             classes: request
                 .classes
                 .iter()
-                .map(|r| (r.clone(), film(3)))
+                .map(|r| (r.clone(), summed(3)))
                 .collect(),
             shares: request.shares.then(|| [film(3), film(3)]),
             crop,
@@ -194,9 +205,9 @@ impl Outputs {
     }
 }
 
-fn add(film: &Film, target: Target, (x, y): (u32, u32), half: usize, values: &[f64]) {
+fn add(film: &Film, target: Target, pixel: (u32, u32), half: usize, values: &[f64]) {
     match target {
-        Target::OwnPixel => film.add_pixel(x, y, half, values),
-        Target::Splat(raster) => film.add_splat(raster, half, values),
+        Target::OwnPixel => film.add_pixel(pixel.0, pixel.1, half, values),
+        Target::Splat(raster) => film.add_splat(raster, pixel, half, values),
     }
 }

@@ -227,7 +227,7 @@ pub(super) fn add_sample(
     contributions: &[Contribution],
     response: &LaneResponse,
     outputs: &Outputs,
-    (x, y): (u32, u32),
+    pixel: (u32, u32),
     half: usize,
     mut table: Option<&mut ClassTable>,
 ) {
@@ -237,7 +237,7 @@ pub(super) fn add_sample(
         let xyz = response.xyz(&contribution.lanes);
         match contribution.target {
             Target::OwnPixel => own.iter_mut().zip(xyz).for_each(|(sum, more)| *sum += more),
-            Target::Splat(raster) => outputs.image.add_splat(raster, half, &xyz),
+            Target::Splat(raster) => outputs.image.add_splat(raster, pixel, half, &xyz),
         }
         if let Some(table) = &mut table {
             let share = match contribution.target {
@@ -249,7 +249,7 @@ pub(super) fn add_sample(
             }
         }
     }
-    outputs.image.add_pixel(x, y, half, &own);
+    outputs.image.add_pixel(pixel.0, pixel.1, half, &own);
 }
 
 #[cfg(test)]

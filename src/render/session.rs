@@ -11,7 +11,7 @@ use super::companions;
 use super::forecast::{ErrorHistory, Forecast};
 use super::pass::{Flight, TileObserver, Tiles, UnfinishedPass, Watch, tile_count, tile_pixels};
 use super::{Cancel, Choices, OutputRequest, Outputs, PilotPasses, Render, StopReason, StopRules};
-use crate::film::{AddSumsError, Crop};
+use crate::film::{AddSumsError, Crop, Film};
 use crate::scene::{Scene, Settings};
 use std::cell::LazyCell;
 use std::collections::BTreeSet;
@@ -254,7 +254,7 @@ impl Session {
             return Err(AddSumsError::Length { expected, found });
         }
         let all = films.iter().flat_map(Outputs::part_films);
-        let counts: Vec<usize> = all.map(companions::half_sums).collect();
+        let counts: Vec<usize> = all.map(Film::sums_per_half).collect();
         let all = films.iter_mut().flat_map(Outputs::part_films_mut);
         for (film, sums) in all.zip(companions::split(&sums, &counts)?) {
             film.add_sums_to_half(pass as usize & 1, sums)?;

@@ -6,8 +6,8 @@
 //!
 //! Wavelengths have a sequence of their own, over pixels and passes at once: one digital net in
 //! base 2 (Niederreiter, "Point sets and sequences with small discrepancy", 1987), scrambled as a
-//! whole (Owen 1995). Any aligned block of 2^p pixels in Morton order over any aligned 2^q passes
-//! of a half has one wavelength in each of 2^(p+q) strata.
+//! whole (Owen 1995). Any aligned block of 2^p pixels in Morton order, which leaves no number out,
+//! over any aligned 2^q passes of a half has one wavelength in each of 2^(p+q) strata.
 //!
 //! Times are stratified over the passes of a pixel, and together with its wavelengths: the pairs of
 //! any aligned 2^q passes of a half lie one in each of 2^q boxes, whatever their shape (the
@@ -186,15 +186,17 @@ impl Sampler<'_> {
         // the same for all pixels, but not for the two halves of the passes
         let common = combine(combine(seed, 0x5741_5645), u64::from(self.pass & 1));
         // bit r is binary digit r + 1 of the number
-        let digits = pixel_digits(pixel, size) ^ pascal(self.pass >> 1);
+        let digits = morton_rank(pixel, size) ^ pascal(self.pass >> 1);
         let stratum = owen_scramble_rev(digits, common as u32).reverse_bits();
         // the hash fills the bits that the net leaves
         (f64::from(stratum) + unit_f64(random_bits(self.key, u64::MAX))) * (1.0 / 4_294_967_296.0)
     }
 
     /// The number by which a pixel's sample chooses among a few things, in [0, 1): over the pixels
-    /// of a film of `size` columns and rows, every pass has one in each of as many strata, at
-    /// random places. Points of Markov chains have their own.
+    /// of a film of `size` columns and rows, every pass has one in each of as many strata. That of
+    /// a pixel is the same in an even pass and the odd one behind it, so that the halves of the
+    /// passes differ by the places within strata alone, as the mean of both does from the truth.
+    /// Points of Markov chains have their own.
     #[must_use]
     pub fn choice(&self, pixel: (u32, u32), size: (u32, u32), seed: u64) -> f64 {
         if self.primary.is_some() {
@@ -202,13 +204,11 @@ impl Sampler<'_> {
         }
         let pixels = u64::from(size.0) * u64::from(size.1);
         let rank = u64::from(pixel.1) * u64::from(size.0) + u64::from(pixel.0);
-        let common = combine(combine(seed, 0x5345_5155), u64::from(self.pass));
-        let place = permuted(rank, pixels, common) as f64;
-        let shift = unit_f64(random_bits(common, u64::MAX));
+        let common = combine(combine(seed, 0x5345_5155), u64::from(self.pass >> 1));
+        let stratum = permuted(rank, pixels, common) as f64;
+        let within = unit_f64(random_bits(self.key, u64::MAX - 2));
         // rounding must not lead to 1
-        (place / pixels as f64 + shift)
-            .fract()
-            .min(1.0 - f64::EPSILON)
+        ((stratum + within) / pixels as f64).min(1.0 - f64::EPSILON)
     }
 
     /// The number of the moment in the shutter, in [0, 1).
@@ -261,14 +261,37 @@ impl Sampler<'_> {
     }
 }
 
-/// A number for each pixel that is near for near pixels: the bits of x and y interleaved as far as
-/// both have any, then the rest of the longer side (a film of one row has no bits of y, which would
-/// stay the same for all its pixels).
-fn pixel_digits((x, y): (u32, u32), (width, height): (u32, u32)) -> u32 {
-    let bits = |n: u32| u32::BITS - n.saturating_sub(1).leading_zeros();
-    let shared = bits(width).min(bits(height)).min(15);
-    let low = (1 << shared) - 1;
-    morton(x & low, y & low) | ((x >> shared) | (y >> shared)) << (2 * shared)
+/// The number of a pixel of a film in Morton order, in which near pixels have near numbers and none
+/// is left out: where a film is no square of a power of two, strips at its ends would otherwise
+/// have the same leading digits, and all their pixels nearly the same wavelengths.
+fn morton_rank((x, y): (u32, u32), (width, height): (u32, u32)) -> u32 {
+    let [x, y, width, height] = [x, y, width, height].map(u64::from);
+    let mut bits = u64::BITS - (width.max(height) - 1).leading_zeros();
+    // corner of the square that holds the pixel, and pixels before it
+    let (mut left, mut top, mut rank) = (0, 0, 0);
+    loop {
+        let side = 1 << bits;
+        let is_inside = left + side <= width && top + side <= height;
+        if bits == 0 || is_inside && bits <= 16 {
+            let low = side - 1;
+            // films have fewer pixels; beyond, numbers come again
+            return (rank as u32).wrapping_add(morton((x & low) as u32, (y & low) as u32));
+        }
+        bits -= 1;
+        let half = side / 2;
+        let within = |first: u64, end: u64| end.saturating_sub(first).min(half);
+        let columns = [left, left + half].map(|first| within(first, width));
+        let mut rows = within(top, height);
+        if y & half != 0 {
+            rank += rows * (columns[0] + columns[1]);
+            top += half;
+            rows = within(top, height);
+        }
+        if x & half != 0 {
+            rank += rows * columns[0];
+            left += half;
+        }
+    }
 }
 
 /// The lower 16 bits of both, interleaved.
@@ -376,6 +399,67 @@ mod tests {
     }
 
     #[test]
+    fn ranks_leave_no_number_out() {
+        for size in [
+            (1, 1),
+            (32, 32),
+            (33, 31),
+            (200, 150),
+            (37, 1),
+            (1, 5),
+            (70, 129),
+        ] {
+            let pixels = || (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
+            let mut met = vec![false; (size.0 * size.1) as usize];
+            for pixel in pixels() {
+                let rank = morton_rank(pixel, size);
+                assert!(
+                    !std::mem::replace(&mut met[rank as usize], true),
+                    "{pixel:?}"
+                );
+                if size == (32, 32) {
+                    assert_eq!(rank, morton(pixel.0, pixel.1));
+                }
+            }
+            // squares inside have their pixels in sequence
+            if size.0 >= 4 && size.1 >= 4 {
+                let first = morton_rank((size.0 / 4 * 4 - 4, 0), size);
+                let last = morton_rank((size.0 / 4 * 4 - 1, 3), size);
+                assert_eq!(last, first + 15);
+            }
+        }
+        // the whole range of films
+        for size in [(65_536, 65_536), (u32::MAX, 1), (1, u32::MAX), (100_000, 3)] {
+            assert_eq!(morton_rank((0, 0), size), 0);
+            let last = (u64::from(size.0) * u64::from(size.1) - 1) as u32;
+            assert_eq!(morton_rank((size.0 - 1, size.1 - 1), size), last);
+        }
+    }
+
+    /// A third of the spectrum gets a third of the samples of a film, whatever its shape: strips at
+    /// its ends no more or less.
+    #[test]
+    fn wavelengths_are_spread_evenly_over_a_film() {
+        for size in [(32, 32), (33, 31), (50, 38), (129, 9), (77, 1)] {
+            for seed in 0..20 {
+                let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
+                let of_pixel = |(x, y): (u32, u32)| {
+                    let pixel = u64::from(y * size.0 + x);
+                    (0..8).filter(move |&pass| {
+                        let sampler = Sampler::new(seed, 0, pixel, pass);
+                        sampler.wavelength((x, y), size, seed) < 1.0 / 3.0
+                    })
+                };
+                let below: usize = pixels.map(|p| of_pixel(p).count()).sum();
+                let expected = f64::from(size.0 * size.1) * 8.0 / 3.0;
+                // a standard deviation is 1 (random numbers: 17 to 42)
+                let off = below as f64 - expected;
+                assert!(off.abs() < 6.0, "{size:?}, {seed}: {off}");
+            }
+        }
+    }
+
+    #[test]
     fn choices_of_a_pass_have_equal_shares() {
         let size = (13, 7);
         let pixels = || (0..7).flat_map(|y| (0..13).map(move |x| (x, y)));
@@ -383,16 +467,18 @@ mod tests {
             let mut strata = vec![0; 91];
             for (x, y) in pixels() {
                 let rank = u64::from(y * 13 + x);
-                let u = Sampler::new(seed, 0, rank, pass).choice((x, y), size, seed);
+                let of_pass = |pass| Sampler::new(seed, 0, rank, pass).choice((x, y), size, seed);
+                let (u, beside) = (of_pass(pass), of_pass(pass ^ 1));
                 assert!((0.0..1.0).contains(&u));
-                // strata from the number of the first pixel on
-                let first = Sampler::new(seed, 0, 0, pass).choice((0, 0), size, seed);
-                strata[((u - first).rem_euclid(1.0) * 91.0).round() as usize % 91] += 1;
+                strata[(91.0 * u) as usize] += 1;
+                // its twin in the other half has the stratum, not the place
+                assert_eq!((91.0 * u) as usize, (91.0 * beside) as usize);
+                assert_ne!(u, beside);
             }
             assert!(strata.iter().all(|n| *n == 1), "{strata:?}");
         }
-        // of one pixel over passes, halves are as likely as not: 5 standard deviations
-        let low = (0..4000).filter(|&pass| {
+        // of one pixel over pairs of passes, halves are as likely as not: 5 standard deviations
+        let low = (0..4000).map(|pair| 2 * pair).filter(|&pass| {
             let sampler = Sampler::new(3, 0, 40, pass);
             sampler.choice((1, 3), size, 3) < 0.5
         });

@@ -41,6 +41,7 @@ pub fn valid_part() -> Vec<u8> {
         height: 2,
         crop: [0, 0, 4, 2],
         channels: 3,
+        blocks: 0,
         exponent: 0,
         pilot: 0,
         passes: vec![part::PassRange {
@@ -123,11 +124,11 @@ fn damaged_parts() {
         (with(0, b"x"), "no part file begins like this"),
         (
             with(8, &[9]),
-            "version 9, this program reads versions 4 and 5",
+            "version 9, this program reads versions 6 and 7",
         ),
         (
             with(8, &[2]),
-            "version 2, this program reads versions 4 and 5: render the passes again",
+            "version 2, this program reads versions 6 and 7: render the passes again",
         ),
         (
             with(12, &[255; 4]),

@@ -108,7 +108,8 @@ fn any_order_of_pixels_gives_the_same_bytes() {
             film.add_pixel(x, y, half, &own);
             for contribution in workspace.contributions.iter().rev() {
                 if let Target::Splat(raster) = contribution.target {
-                    film.add_splat(raster, half, &response.xyz(&contribution.lanes));
+                    let xyz = response.xyz(&contribution.lanes);
+                    film.add_splat(raster, (x, y), half, &xyz);
                 }
             }
         }
@@ -135,6 +136,7 @@ fn merged_parts_equal_one_run() {
             height: crop.y1,
             crop: [crop.x0, crop.y0, crop.x1, crop.y1],
             channels: 3,
+            blocks: 0,
             exponent: 0,
             pilot: 0,
             image: BTreeMap::new(),

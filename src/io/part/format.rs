@@ -1,7 +1,7 @@
 //! The file of a part, little-endian: magic `abbepart`, u32 version, u32 header length, header
-//! (JSON), sums (i128, film by film, half by half, row by row, channels innermost); of an
-//! unfinished pass, where the header names one, the sums of its half and u16 pixels done of each
-//! tile; u64 checksum of everything before it.
+//! (JSON), sums (i128, film by film, half by half, row by row, channels innermost, those by blocks
+//! of a half behind its rows); of an unfinished pass, where the header names one, the sums of its
+//! half and u16 pixels done of each tile; u64 checksum of everything before it.
 //!
 //! A packed file has the same numbers by the thousands, the first byte of each, then the second one
 //! and so on, through DEFLATE (RFC 1951): the sums of a few passes leave most of their 128 bits
@@ -24,10 +24,10 @@ use std::path::Path;
 const MAGIC: [u8; 8] = *b"abbepart";
 /// 1 hashed settings by the names of this program's code, and its sums took random numbers in their
 /// order of use. 2 did not say how the variance factors of its weights were found. 3 had whole
-/// passes only.
-pub(super) const VERSION: u32 = 4;
+/// passes only. 4, and 5 that were packed, had no sums by sources, and other wavelengths.
+pub(super) const VERSION: u32 = 6;
 /// The same, packed.
-const PACKED: u32 = 5;
+const PACKED: u32 = 7;
 /// Before the header: magic, version, header length.
 const PREFIX: usize = 16;
 const CHECKSUM: u64 = 8;

@@ -104,6 +104,7 @@ fn check_same(a: &PartHeader, b: &PartHeader) -> Result<(), PartError> {
     )?;
     differ("crop", format!("{:?}", a.crop), format!("{:?}", b.crop))?;
     differ("channels", a.channels.to_string(), b.channels.to_string())?;
+    differ("blocks", a.blocks.to_string(), b.blocks.to_string())?;
     let spectral = |header: &PartHeader| match &header.spectral {
         None => "none".to_owned(),
         Some(film) => {

@@ -14,7 +14,7 @@ pub use spectral::SpectralFilm;
 
 use super::atomic::FileError;
 use super::identity;
-use crate::film::{Crop, Film};
+use crate::film::{Blocks, Crop, Film};
 use crate::render::pass::{tile_count, tile_pixels};
 use crate::render::{PilotPasses, Render, Session, UnfinishedPass};
 use serde::{Deserialize, Serialize};
@@ -57,6 +57,10 @@ pub struct PartHeader {
     pub crop: [u32; 4],
     /// Channels per pixel.
     pub channels: u32,
+    /// Blocks of the pixels whose samples have brought the light of a detector: each half of a film
+    /// has sums by them behind its own ([`Film::with_sources`]).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub blocks: u32,
     /// The sums count multiples of 2^(exponent − 64).
     pub exponent: i32,
     /// Passes per group of the pilot that found the variance factors of the weights; 0: by rule, or
@@ -150,8 +154,14 @@ impl PartHeader {
     /// `None` beyond 64 bits.
     #[must_use]
     pub fn image_sum_count(&self) -> Option<u64> {
-        let sums = self.crop().pixels().checked_mul(self.channels.into())?;
+        let places = self.places(&self.crop())?;
+        let sums = places.checked_mul(self.channels.into())?;
         sums.checked_mul(HALVES)
+    }
+
+    /// Pixels and blocks of a film.
+    fn places(&self, crop: &Crop) -> Option<u64> {
+        crop.pixels().checked_add(self.blocks.into())
     }
 
     /// Number of sums; `None` beyond 64 bits.
@@ -160,10 +170,10 @@ impl PartHeader {
         let spectral = self.spectral.as_ref();
         let channels = u64::from(self.channels) + spectral.map_or(0, SpectralFilm::count);
         let companions = self.companions.iter();
-        let companions = companions.map(|film| Crop::whole(film.width, film.height).pixels());
-        let mut films = std::iter::once(self.crop().pixels()).chain(companions);
-        let pixels = films.try_fold(0, u64::checked_add)?;
-        pixels.checked_mul(channels)?.checked_mul(HALVES)
+        let companions = companions.map(|film| Crop::whole(film.width, film.height));
+        let mut films = std::iter::once(self.crop()).chain(companions);
+        let places = films.try_fold(0, |sum: u64, film| sum.checked_add(self.places(&film)?))?;
+        places.checked_mul(channels)?.checked_mul(HALVES)
     }
 
     /// Headers of its films, each as that of a part of its own.
@@ -206,6 +216,9 @@ impl PartHeader {
         if self.channels == 0 || self.channels > MAX_CHANNELS {
             return Err("the number of channels is not 1 to 4096");
         }
+        if self.blocks > Blocks::MOST {
+            return Err("the number of blocks is not 0 to 64");
+        }
         if let Some(spectral) = &self.spectral {
             spectral.check()?;
         }
@@ -236,12 +249,17 @@ impl PartHeader {
     }
 }
 
+fn is_zero(n: &u32) -> bool {
+    *n == 0
+}
+
 /// A part: header and sums.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
     /// Quantity that the sums are of.
     pub header: PartHeader,
-    /// Fixed-point sums, film by film, half by half, row by row, channels innermost.
+    /// Fixed-point sums, film by film, half by half, row by row and then block by block, channels
+    /// innermost.
     pub sums: Vec<i128>,
     /// The pass that is not whole, if the header names one.
     pub unfinished: Option<UnfinishedPass>,

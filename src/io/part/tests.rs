@@ -28,6 +28,7 @@ fn part(seed: u64, start: u64, end: u64, value: i128) -> Part {
         height: 3,
         crop: [1, 0, 3, 2],
         channels: 3,
+        blocks: 0,
         exponent: 0,
         pilot: 0,
         image: BTreeMap::from([("integrator".to_owned(), "bdpt".to_owned())]),
@@ -173,7 +174,7 @@ fn other_versions_are_refused_by_name() {
     std::fs::write(&path, bytes).expect("writes");
     let message = read(&path).expect_err("refused").to_string();
     let expected = format!(
-        "{}: not a valid part file (version 2, this program reads versions 4 and 5: render the passes again)",
+        "{}: not a valid part file (version 2, this program reads versions 6 and 7: render the passes again)",
         path.display()
     );
     assert_eq!(message, expected);
