@@ -208,6 +208,10 @@ impl Film {
     /// Adds to one pixel (absolute film coordinates; nothing happens outside the crop) of half
     /// `half` (0 or 1). One value per channel.
     pub fn add_pixel(&self, x: u32, y: u32, half: usize, values: &[f64]) {
+        // nothing is what many samples bring, and changes no sum
+        if values.iter().all(|v| *v == 0.0) {
+            return;
+        }
         if self.crop.contains(x, y) && self.add_scaled(&mut self.row(half, y), x, values, 1.0) {
             self.add_to_block((x, y), half, values, self.measure(x, y));
         }

@@ -136,7 +136,7 @@ impl Films {
 /// them: see [`Films::response`].
 #[must_use]
 pub fn response(
-    layers: &(impl DoubleEndedIterator<Item = (Complex64, f64)> + Clone),
+    layers: &(impl DoubleEndedIterator<Item = (Complex64, f64)> + ExactSizeIterator + Clone),
     lambda_nm: f64,
     n_in: f64,
     n_out: Complex64,
@@ -172,7 +172,7 @@ pub fn phase(thickness_nm: f64, lambda_nm: f64) -> f64 {
 /// the wave is evanescent in a layer.
 #[must_use]
 pub fn response_of_clear(
-    layers: impl DoubleEndedIterator<Item = (f64, f64)>,
+    layers: impl DoubleEndedIterator<Item = (f64, f64)> + ExactSizeIterator,
     n_in: f64,
     n_out: f64,
     cos_in: f64,
@@ -187,6 +187,7 @@ pub fn response_of_clear(
     let normal_out = out_squared.sqrt();
     let eta_out = [normal_out, n_out * n_out / normal_out];
     let eta_in = [n_in * cos_in, n_in / cos_in];
+    let is_single = layers.len() == 1;
     let mut fields = eta_out.map(|eta| ([1.0, 0.0], [eta, 0.0]));
     for (n, phase) in layers.rev() {
         let normal_squared = n * n - sine_squared;
@@ -194,8 +195,14 @@ pub fn response_of_clear(
             return None;
         }
         let normal = normal_squared.sqrt();
+        let eta = [normal, n * n / normal];
+        if is_single {
+            let cos = (normal * phase).cos();
+            let of = |i: usize| response_of_one([eta_in[i], eta[i], eta_out[i]], cos);
+            return Some([of(0), of(1)]);
+        }
         let (sin, cos) = (normal * phase).sin_cos();
-        for (eta, (b, c)) in [normal, n * n / normal].into_iter().zip(&mut fields) {
+        for (eta, (b, c)) in eta.into_iter().zip(&mut fields) {
             let (by_eta, over_eta) = (sin * eta, sin / eta);
             (*b, *c) = (
                 [cos * b[0] + over_eta * c[1], cos * b[1] - over_eta * c[0]],
@@ -214,6 +221,21 @@ pub fn response_of_clear(
         }
     };
     Some([of(0), of(1)])
+}
+
+/// Response of one layer that absorbs nothing, by the admittances before it, in it and behind it
+/// and the cosine of its phase: most lenses have no other, and its sine is not called for.
+#[inline]
+fn response_of_one([before, within, behind]: [f64; 3], cos: f64) -> Response {
+    let (cos_squared, sin_squared) = (cos * cos, 1.0 - cos * cos);
+    let coupled = before * behind / within;
+    let square = |x: f64, y: f64| cos_squared * x * x + sin_squared * y * y;
+    let incident = square(before + behind, coupled + within);
+    Response {
+        r: square(before - behind, coupled - within) / incident,
+        t: 4.0 * before * behind / incident,
+        a: 0.0,
+    }
 }
 
 fn response_of(
