@@ -17,6 +17,7 @@
 
 use super::pass::{Local, PassCounts, Watch, add_sample};
 use super::pilot::{PASS, SAMPLES, lattice};
+use super::share::share;
 use super::{ClassTable, Outputs, Tiles};
 use crate::film::{Crop, Film};
 use crate::integrator::{SensorJob, Workspace, sample_pixel, sample_primary};
@@ -26,7 +27,6 @@ use crate::scene::settings::Metropolis;
 use crate::spectrum::{LaneResponse, SensorResponse};
 use crate::transport::subpath::Event;
 use crate::transport::{Cone, Contribution, PassSettings, Target};
-use rayon::prelude::*;
 use std::mem;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -207,38 +207,29 @@ pub(super) fn render_pass(
     let mut brightness = vec![0.0; pixels as usize];
     let width = crop.width() as usize;
     let pixel_of = |i: usize| (crop.x0 + (i % width) as u32, crop.y0 + (i / width) as u32);
-    let add_row = |mut buffers: Buffers, (row, values): (usize, &mut [f64])| {
+    let add_row = |buffers: &mut Buffers, (row, values): (usize, &mut [f64])| {
         for (x, value) in values.iter_mut().enumerate() {
             if watch.is_cancelled() {
-                return buffers;
+                return;
             }
-            *value = pass.add_ordinary(pixel_of(row * width + x), &mut buffers);
+            *value = pass.add_ordinary(pixel_of(row * width + x), buffers);
         }
         tell();
-        buffers
     };
-    let buffers = brightness
-        .par_chunks_mut(width)
-        .enumerate()
-        .fold(Buffers::default, add_row)
-        .reduce(Buffers::default, Buffers::merged);
-    counts.add(buffers.local);
+    let rows = brightness.chunks_mut(width).enumerate();
+    let all_buffers = share(rows, Buffers::default, add_row);
+    all_buffers.into_iter().for_each(|b| counts.add(b.local));
     let key = pass.key();
     let starts = starts(&brightness, chains, unit_f64(random_bits(key, 0)));
     let mean = brightness.iter().sum::<f64>() / pixels as f64;
-    let run = |mut buffers: Buffers, (chain, start): (usize, &usize)| {
+    let run = |buffers: &mut Buffers, (chain, start): (usize, &usize)| {
         let key = combine(key, 1 + chain as u64);
-        if pass.run_chain(key, pixel_of(*start), mean, watch, &mut buffers) {
+        if pass.run_chain(key, pixel_of(*start), mean, watch, buffers) {
             tell();
         }
-        buffers
     };
-    let buffers = starts
-        .par_iter()
-        .enumerate()
-        .fold(Buffers::default, run)
-        .reduce(Buffers::default, Buffers::merged);
-    counts.add(buffers.local);
+    let all_buffers = share(starts.iter().enumerate(), Buffers::default, run);
+    all_buffers.into_iter().for_each(|b| counts.add(b.local));
     !watch.is_cancelled()
 }
 
@@ -256,13 +247,6 @@ struct Sample {
 struct Buffers {
     local: Local,
     spare: Vec<(Vec<Contribution>, Vec<Event>)>,
-}
-
-impl Buffers {
-    fn merged(mut self, more: Self) -> Self {
-        self.local = self.local.merged(more.local);
-        self
-    }
 }
 
 impl Pass<'_> {

@@ -19,6 +19,7 @@ pub mod outputs;
 pub mod pass;
 pub mod pilot;
 pub mod session;
+mod share;
 pub mod stop;
 pub mod table;
 pub mod tries;

@@ -1,16 +1,16 @@
 //! One pass over a film: a sample of every pixel, tile by tile on all threads.
 
+use super::share::share;
 use super::{Cancel, ClassTable, Outputs};
 use crate::film::Crop;
 use crate::integrator::{SensorJob, Workspace, sample_and_merge};
 use crate::spectrum::LaneResponse;
 use crate::transport::{Contribution, Counters, PassSettings, PhotonMap, Target};
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::time::Instant;
 
 /// Side of a tile in pixels.
-const TILE: u32 = 16;
+const TILE: u32 = 8;
 
 /// Tiles of a pass that are done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +61,11 @@ impl PassCounts {
     /// Adds those of a thread.
     pub fn add(&mut self, local: Local) {
         self.counters.add(&local.workspace.counters);
-        merge_tables(&mut self.tables, local.tables);
+        let count = self.tables.len().max(local.tables.len());
+        self.tables.resize_with(count, ClassTable::default);
+        for (sum, table) in self.tables.iter_mut().zip(local.tables) {
+            sum.merge(table);
+        }
     }
 }
 
@@ -95,7 +99,7 @@ impl Flight {
 pub struct UnfinishedPass {
     /// Index of the pass.
     pub pass: u32,
-    /// Pixels done of each tile of 16 x 16 pixels, in reading order both.
+    /// Pixels done of each tile of 8 x 8 pixels, in reading order both.
     pub done: Vec<u16>,
     /// Sums that these pixels have added to the image, of the half of the pass
     /// ([`Film::sums_of_half`](crate::film::Film::sums_of_half)); then to those of companions.
@@ -110,7 +114,7 @@ pub fn tile_count(crop: &Crop) -> u64 {
 
 /// Numbers of pixels of the tiles of a film, in reading order.
 pub fn tile_pixels(crop: &Crop) -> impl Iterator<Item = u16> + use<> {
-    // at most 16 x 16
+    // at most 8 x 8
     tiles(*crop).map(|tile| tile.pixels() as u16)
 }
 
@@ -120,22 +124,6 @@ pub(super) struct Local {
     pub workspace: Workspace,
     pub values: Vec<f64>,
     pub tables: Vec<ClassTable>,
-}
-
-impl Local {
-    /// With the counts of another thread.
-    pub fn merged(mut self, more: Self) -> Self {
-        self.workspace.counters.add(&more.workspace.counters);
-        merge_tables(&mut self.tables, more.tables);
-        self
-    }
-}
-
-fn merge_tables(sums: &mut Vec<ClassTable>, more: Vec<ClassTable>) {
-    sums.resize_with(sums.len().max(more.len()), ClassTable::default);
-    for (sum, table) in sums.iter_mut().zip(more) {
-        sum.merge(table);
-    }
 }
 
 /// Adds a sample of every pixel that is not done yet to `films`, the render's own and those of its
@@ -154,18 +142,18 @@ pub(super) fn render_tiles(
     let (all, whole) = (tiles.len() as u64, tiles.iter().zip(&flight.done));
     let whole = AtomicU64::new(whole.filter(|pair| is_whole(*pair)).count() as u64);
     let has_added = AtomicBool::new(false);
-    let render_tile = |mut local: Local, (tile, done): (&Crop, &mut u16)| {
+    let render_tile = |local: &mut Local, (tile, done): (&Crop, &mut u16)| {
         if is_whole((tile, done)) {
-            return local;
+            return;
         }
         while !is_whole((tile, done)) {
             // a pause that is due at once would end in no progress at all
             if watch.is_cancelled() || has_added.load(SeqCst) && watch.is_pause_due() {
-                return local;
+                return;
             }
             let at = u32::from(*done);
             let pixel = (tile.x0 + at % tile.width(), tile.y0 + at / tile.width());
-            render_pixel((frame, pass, photons), films, pixel, half, &mut local);
+            render_pixel((frame, pass, photons), films, pixel, half, local);
             *done += 1;
             has_added.store(true, SeqCst);
         }
@@ -174,14 +162,11 @@ pub(super) fn render_tiles(
             let pass = pass.index;
             observer(Tiles { pass, done, all });
         }
-        local
     };
-    let local = tiles
-        .par_iter()
-        .zip(&mut flight.done)
-        .fold(Local::default, render_tile)
-        .reduce(Local::default, Local::merged);
-    flight.counts.add(local);
+    let work = tiles.iter().zip(&mut flight.done);
+    for local in share(work, Local::default, render_tile) {
+        flight.counts.add(local);
+    }
     tiles.iter().zip(&flight.done).all(is_whole)
 }
 
@@ -267,6 +252,6 @@ mod tests {
             );
         }
         // no more than a number is made of what a file may claim
-        assert_eq!(tile_count(&Crop::whole(u32::MAX, u32::MAX)), 1 << 56);
+        assert_eq!(tile_count(&Crop::whole(u32::MAX, u32::MAX)), 1 << 58);
     }
 }

@@ -42,8 +42,8 @@ interior = "flint"
 [[light]]
 point = { position = [-1, 2, 1], intensity = 1 }
 "#;
-/// Tiles of its film, of 16 x 16 pixels.
-const TILES: u64 = 6;
+/// Tiles of its film, of 8 x 8 pixels.
+const TILES: u64 = 15;
 
 /// Films of every kind.
 fn all_films() -> OutputRequest {
@@ -308,7 +308,7 @@ fn an_unfinished_pass_comes_first_or_is_told() {
     assert!(at_its_end.unfinished().is_some(), "kept for another time");
     unfinished.done.pop();
     let error = at_its_end.restore_unfinished(unfinished).unwrap_err();
-    assert_eq!(error.to_string(), "the film has 6 sums, the part has 5");
+    assert_eq!(error.to_string(), "the film has 15 sums, the part has 14");
 }
 
 #[test]
