@@ -32,8 +32,10 @@ pub const SHARE: f64 = 0.003;
 const LEAST_SHARE: f64 = 1e-5;
 /// Pixels whose light sub-paths one thread traces in one go.
 const RUN: usize = 32;
-/// Parts of a pass's light sub-paths, of which one is in memory twice for a moment.
+/// Parts of a pass's light sub-paths, of which one is in memory twice for a moment, and light
+/// sub-paths of one at least: threads wait for each other at the end of each.
 const BATCHES: usize = 64;
+const LEAST_BATCH: usize = 256 * RUN;
 /// Passes whose light sub-paths tell how many vertices are stored.
 const PILOT_PASSES: u32 = 4;
 
@@ -211,6 +213,8 @@ pub fn trace_photons(
 ) -> Option<(Option<PhotonMap>, Counters)> {
     let (width, pixels) = (crop.width() as usize, crop.pixels() as usize);
     let batch = pixels.div_ceil(BATCHES).next_multiple_of(RUN);
+    let batch = batch.max(LEAST_BATCH);
+    let batches = pixels.div_ceil(batch);
     let (mut all, mut counters) = (PhotonBuffer::default(), Counters::default());
     for start in (0..pixels).step_by(batch) {
         if is_cancelled() {
@@ -219,6 +223,7 @@ pub fn trace_photons(
         let runs: Vec<(PhotonBuffer, Counters)> = (start..pixels.min(start + batch))
             .into_par_iter()
             .step_by(RUN)
+            .with_max_len(4)
             .map_init(PhotonTracer::default, |tracer, first| {
                 let mut buffer = PhotonBuffer::default();
                 tracer.counters = Counters::default();
@@ -238,7 +243,7 @@ pub fn trace_photons(
         }
         if start == 0 {
             // batches differ; room that is not used takes no memory
-            all.reserve_times(BATCHES + BATCHES / 8);
+            all.reserve_times(batches + batches / 8);
         }
     }
     if is_cancelled() {
