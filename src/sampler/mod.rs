@@ -43,8 +43,8 @@ pub enum Draw {
     /// Point of the sensor that light vertex i - 1 is connected to: two; 0: the start of the light
     /// sub-path.
     Lens(usize),
-    /// Whether light vertex i is joined to camera vertices 4 b .. 4 b + 3, one number each: (i, b).
-    Pairs(usize, usize),
+    /// Which light vertices are joined to which camera vertices: one number.
+    Pairs,
     /// Whether a camera sub-path passes the nth partly covered surface after as many vertices:
     /// (vertices, n).
     CameraCoverage(usize, usize),
@@ -107,7 +107,7 @@ impl Draw {
             Self::Light(i) => walk(2, i + 2),
             Self::Direct(j) => alone(3, j as u64, j < STRATIFIED),
             Self::Lens(i) => alone(4, i as u64, i < STRATIFIED),
-            Self::Pairs(i, b) => alone(5, two(i, b), b == 0 && i < STRATIFIED),
+            Self::Pairs => alone(5, 0, true),
             Self::CameraCoverage(vertices, n) => alone(6, two(vertices, n), false),
             Self::LightCoverage(vertices, n) => alone(7, two(vertices, n), false),
             Self::Roulette(s, t, labels) => alone(8, two(s, 4 * t + labels), false),
@@ -363,6 +363,7 @@ mod tests {
             Draw::Film,
             Draw::LightStart,
             Draw::LightDirection,
+            Draw::Pairs,
             Draw::Sequence,
         ];
         for i in 0..40 {
@@ -373,11 +374,7 @@ mod tests {
                 Draw::Lens(i),
             ]);
             for j in 0..40 {
-                all.extend([
-                    Draw::Pairs(i, j),
-                    Draw::CameraCoverage(i, j),
-                    Draw::LightCoverage(i, j),
-                ]);
+                all.extend([Draw::CameraCoverage(i, j), Draw::LightCoverage(i, j)]);
                 all.extend((0..4).map(|labels| Draw::Roulette(i, j, labels)));
             }
         }

@@ -281,12 +281,7 @@ mod tests {
     /// Every kind of number, of the sample and of a second light sub-path.
     fn all(point: &Primary) -> Vec<f64> {
         let sampler = point.sampler();
-        let draws = [
-            Draw::Film,
-            Draw::Camera(1),
-            Draw::Light(20),
-            Draw::Pairs(2, 0),
-        ];
+        let draws = [Draw::Film, Draw::Camera(1), Draw::Light(20), Draw::Pairs];
         let numbers = draws.into_iter().flat_map(|draw| sampler.set(draw));
         let mut all: Vec<f64> = numbers.collect();
         all.extend(sampler.fork(1).set(Draw::LightStart));

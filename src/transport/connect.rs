@@ -426,15 +426,17 @@ impl<'a> Joiner<'a> {
         self.join(&at_a, &at_b, (w, distance), with_rough_pair);
     }
 
-    /// All pairs s, t >= 2 that the depth limit and the choice of pairs allow.
+    /// All pairs s, t >= 2 that the depth limit and the choice of pairs allow. One number chooses
+    /// them all: neighbors on the grid of pairs take turns, so that neither a vertex nor, as the
+    /// number is stratified, a few passes in a row have many or none by chance.
     pub fn pairs(&mut self, light: &Subpath, camera: &Subpath) {
+        let mut drawn = None;
         for i in 0..light.vertices.len() {
             let a = &light.vertices[i];
             let (rough_a, specular_a) = (a.has_non_specular, self.is_regularized(a));
             if !rough_a && !specular_a {
                 continue;
             }
-            let (mut numbers, mut drawn) = ([0.0; 4], None);
             for j in 0..camera.vertices.len() {
                 let (s, t) = (i + 2, j + 2);
                 if s + t > self.max_depth.saturating_add(2) {
@@ -445,16 +447,45 @@ impl<'a> Joiner<'a> {
                 let allowed = self.strategies.samples(Technique::Join(s), s + t, false) > 0.0;
                 let probability = if allowed { self.strategies.pairs } else { 0.0 };
                 if with_rough_pair && probability < 1.0 {
-                    let block = j / 4;
-                    if drawn != Some(block) {
-                        numbers = self.sampler.set(Draw::Pairs(i, block));
-                        drawn = Some(block);
-                    }
-                    with_rough_pair = numbers[j % 4] < probability;
+                    let [u, ..] = *drawn.get_or_insert_with(|| self.sampler.set(Draw::Pairs));
+                    with_rough_pair = takes_turn((i, j), probability, u);
                 }
                 if with_rough_pair || allowed && (specular_a || self.is_regularized(b)) {
                     self.pair(light, i, camera, j, with_rough_pair);
                 }
+            }
+        }
+    }
+}
+
+/// Whether a pair of vertices is one of the share `probability` that number `u` chooses: of a
+/// quarter, every fourth in each row and column of the grid.
+fn takes_turn((i, j): (usize, usize), probability: f64, u: f64) -> bool {
+    (u + (3 * i + j) as f64 * probability).fract() < probability
+}
+
+#[cfg(test)]
+mod tests {
+    use super::takes_turn;
+
+    #[test]
+    fn every_pair_has_its_turn_as_often_as_is_asked() {
+        let numbers = |count: u32| (0..count).map(move |k| (f64::from(k) + 0.5) / f64::from(count));
+        for (probability, i, j) in [(0.25, 0, 0), (0.25, 3, 5), (0.7, 2, 9), (0.05, 40, 63)] {
+            let tried = numbers(1000).filter(|&u| takes_turn((i, j), probability, u));
+            let share = tried.count() as f64 / 1000.0;
+            // one number more or less at each end of what is chosen
+            assert!(
+                (share - probability).abs() <= 0.002,
+                "{share} {probability}"
+            );
+        }
+        // of a quarter, one of four neighbors in any row and column, whatever the number
+        for u in numbers(64) {
+            for at in 0..5 {
+                let row = (at..at + 4).filter(|&j| takes_turn((2, j), 0.25, u));
+                let column = (at..at + 4).filter(|&i| takes_turn((i, 1), 0.25, u));
+                assert_eq!((row.count(), column.count()), (1, 1));
             }
         }
     }
