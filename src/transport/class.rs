@@ -17,8 +17,14 @@ impl PathClass {
     /// The class with no scattering vertex (`LE`).
     #[must_use]
     pub const fn new() -> Self {
+        Self::rough(0)
+    }
+
+    /// The class of `length` vertices of which none is specular.
+    #[must_use]
+    pub const fn rough(length: u32) -> Self {
         Self {
-            length: 0,
+            length,
             specular: 0,
         }
     }

@@ -98,6 +98,35 @@ pub struct Multipliers<'a> {
     beta: f64,
     /// v of the strategies s = 0, 1, ...; those that are not there have 1.
     factors: &'a [f32],
+    /// `n_s` where it is not worth asking for again.
+    rough: Option<RoughSamples>,
+}
+
+/// `n_s` of a path without specular vertices, which only at its ends depends on s.
+#[derive(Clone, Copy, Debug)]
+struct RoughSamples {
+    /// s = 0, 1, inner ones, n − 1, n.
+    of: [f64; 5],
+}
+
+impl RoughSamples {
+    fn new(strategies: &StrategySet, n: usize) -> Option<Self> {
+        let of = |s| strategies.samples(Technique::Join(s), n, false);
+        let inner = if n > 3 { of(2) } else { 0.0 };
+        strategies.disabled.is_empty().then(|| Self {
+            of: [of(0), of(1), inner, of(n - 1), of(n)],
+        })
+    }
+
+    #[inline]
+    fn at(&self, s: usize, n: usize) -> f64 {
+        let place = match s {
+            _ if s + 1 >= n => 4 + s - n,
+            0 | 1 => s,
+            _ => 2,
+        };
+        self.of[place]
+    }
 }
 
 impl<'a> Multipliers<'a> {
@@ -111,9 +140,18 @@ impl<'a> Multipliers<'a> {
             has_specular: path.has_specular(),
             beta: 1.0,
             factors: &[],
+            rough: None,
         };
+        if !out.has_specular {
+            out.rough = RoughSamples::new(strategies, path.len());
+        }
         if let Some(factors) = strategies.factors {
-            let key = FactorKey::new(path.emitter, PathClass::of(path));
+            let class = if out.has_specular {
+                PathClass::of(path)
+            } else {
+                PathClass::rough(path.len().saturating_sub(2) as u32)
+            };
+            let key = FactorKey::new(path.emitter, class);
             out.factors = key.map_or(&[], |key| factors.of(key, path.raster));
         }
         if strategies.merges_alone() && out.is_mergeable() {
@@ -180,7 +218,11 @@ impl<'a> Multipliers<'a> {
         }
     }
 
+    #[inline]
     fn plain_join(&self, s: usize) -> f64 {
+        if let Some(rough) = &self.rough {
+            return rough.at(s, self.path.len());
+        }
         let regularized = self.regularized(s);
         plain_multiplier(self.strategies, s, self.path.len(), regularized)
     }
@@ -196,6 +238,7 @@ impl<'a> Multipliers<'a> {
         }
     }
 
+    #[inline]
     fn preference_of_join(&self, s: usize) -> f64 {
         let factor = self.factors.get(s).map_or(1.0, |v| f64::from(*v));
         match self.admitted {
