@@ -24,6 +24,10 @@ const ENDLESS_AFTER: usize = 64;
 const ENDLESS_SURVIVAL: f64 = 0.95;
 /// Vertices at which roulette is not played yet.
 const ROULETTE_AFTER: usize = 2;
+/// Survival of a camera walk per weight relative to its start: a vertex of it is joined to lights,
+/// which brings more than a vertex of a light walk, and what a killed walk would have brought is
+/// noise of its pixel.
+const CAMERA_SURVIVAL: f64 = 2.0;
 
 /// Start of a walk.
 #[derive(Clone, Copy, Debug)]
@@ -91,6 +95,10 @@ pub fn walk(
         specular_only,
     } = start;
     let reference = throughput.max_lane(context.count());
+    let keep = match generate {
+        Side::Light => CAMERA_SURVIVAL,
+        Side::Camera => 1.0,
+    };
     let has_passed = !scene.passed.is_empty();
     let has_reverse = match generate {
         Side::Light => context.asked.from_light,
@@ -351,7 +359,8 @@ pub fn walk(
         }
         // what is held to a sequence ends with it, however faint
         let played = if step.is_some() { 0 } else { index };
-        let survival = survival(played, throughput.max_lane(context.count()) / reference);
+        let weight = throughput.max_lane(context.count()) / reference;
+        let survival = survival(played, keep * weight);
         if index == 0 {
             roulette = u_roulette;
         }
@@ -384,7 +393,7 @@ fn passes_through_opening(scene: &Scene, point: &SurfacePoint, u: impl FnOnce() 
     coverage == 0.0 || coverage < 1.0 && u() >= coverage
 }
 
-/// Probability of going on after vertex `index` with `weight` relative to the start. It may depend
+/// Probability of going on after vertex `index`, `weight` where this is below 1. It may depend
 /// on anything, since the weights of strategies leave it out on both sides. A weight that is not a
 /// number ends the walk.
 fn survival(index: usize, weight: f64) -> f64 {
