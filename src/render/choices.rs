@@ -2,7 +2,7 @@
 //! merging, the variance factors of the weights, the roulette threshold. All passes share them, so
 //! that who renders some of the passes elsewhere can be told them instead of finding them again.
 
-use super::effort::has_choice;
+use super::effort::{can_do_without, has_choice};
 use super::variance::{self, cells, has_factors};
 use super::{
     EffortChoice, EpsilonChoice, PilotPasses, RadiusChoice, TriesChoice, VarianceFactors, effort,
@@ -104,7 +104,9 @@ impl Choices {
             && radius.as_ref().is_none_or(|r| is_positive(r.radius))
             && effort.as_ref().is_none_or(|e| {
                 let in_range = |v: f64, most: f64| v > 0.0 && v <= most;
-                has_choice(frame) && in_range(e.light_paths, 16.0) && in_range(e.pairs, 1.0)
+                let is_none = e.light_paths == 0.0 && e.pairs == 0.0;
+                let is_some = in_range(e.light_paths, 16.0) && in_range(e.pairs, 1.0);
+                has_choice(frame) && (is_some || is_none && can_do_without(frame))
             })
             && *roulette_threshold >= 0.0
             && brightness.is_some() == frame.settings.integrator.runs_chains()

@@ -1,19 +1,23 @@
 //! Effort of a render: how many light sub-paths a camera sub-path is worth, and how often pairs of
 //! inner vertices are tried.
 //!
-//! A pilot renders a lattice of pixels under two choices, with the same random numbers, and takes
-//! the one whose variance times cost is less; cost is counted at fixed prices. What camera
+//! A pilot renders a lattice of pixels under a few choices, with the same random numbers, and takes
+//! the one whose variance times cost is least; cost is counted at fixed prices. What camera
 //! sub-paths make alone scatters by the means of independent groups of consecutive passes, which
 //! sees that passes are stratified; what light sub-paths bring scatters by its squares, as it is
 //! rare. The pilot traces one light sub-path with every sample, and what it brings counts as often
 //! as it is traced: so rare light is not missed where few are. [theory (2.11)]
+//!
+//! Without light sub-paths, camera sub-paths must make all light, and how much that scatters is not
+//! seen where they hardly find it. So what light sub-paths bring says it too: by the share that
+//! strategies of camera sub-paths have in its weights. [theory (2.13)]
 //!
 //! Scenes with mirrors or smooth glass always have one light sub-path per camera sub-path: caustics
 //! are made by them, and a pilot may not have met what lights one.
 //!
 //! Invariant: a function of scene, sensor, crop and settings without the seed and of the length of
 //! the pilot, counted and never timed, whatever the threads, so that all parts of a render agree.
-//! Either choice is unbiased: no light sub-paths at all is none.
+//! Every choice is unbiased: none is taken that leaves a path without a strategy.
 
 use super::PilotPasses;
 use super::pilot::{Regions, lattice, price};
@@ -36,8 +40,16 @@ use std::fmt;
 /// each is joined to all.
 const USUAL: (f64, f64) = (1.0, PAIR_PROBABILITY);
 const FEW: (f64, f64) = (0.0625, 1.0);
-/// Product of variance and cost, relative to the usual choice, above which few are not taken.
+/// The choice of camera sub-paths alone.
+const NONE: (f64, f64) = (0.0, 0.0);
+/// Product of variance and cost, relative to the usual choice, above which no other is taken.
 const CLEAR: f64 = 0.9;
+/// Price of the weights of a joint, beside that of a connection in which other pilots count little
+/// but its rays.
+const WEIGHTS: f64 = 0.3;
+/// Price of camera sub-paths alone whose weights ask for no densities of light sub-paths, of that
+/// with them. Both are of instructions that were counted in three scenes.
+const UNASKED: f64 = 0.85;
 /// Independent groups of passes, and passes of each.
 const GROUPS: usize = 4;
 const PASSES: u32 = 4;
@@ -67,6 +79,9 @@ impl fmt::Display for EffortChoice {
             pairs,
             samples,
         } = self;
+        if *light_paths == 0.0 {
+            return write!(f, "no light sub-paths, as {samples} samples say");
+        }
         write!(
             f,
             "{light_paths} light sub-paths per pixel, {pairs} of the pairs of inner vertices, as {samples} samples say"
@@ -84,6 +99,18 @@ pub(super) fn has_choice(frame: &SensorJob) -> bool {
         && settings.light_paths.is_none()
         && settings.pair_probability.is_none()
         && !frame.scene.has_effect(EffectKind::Specular)
+}
+
+/// Whether a render with a choice of effort can leave out light sub-paths: without what is specular
+/// every camera vertex can be joined to every light, and a light that is seen directly is hit. What
+/// light sub-paths alone do, and what is held to a few paths, is not asked for.
+pub(super) fn can_do_without(frame: &SensorJob) -> bool {
+    let (strategies, settings) = (&frame.strategies, frame.settings);
+    strategies.hits
+        && !strategies.hittable_sensor
+        && strategies.disabled.is_empty()
+        && !settings.integrator.runs_chains()
+        && frame.scene.sequences.is_none()
 }
 
 /// Finds the effort, with these variance factors; `None` where there is no choice, or the render is
@@ -109,11 +136,11 @@ pub fn choose(
     let pixels: Vec<(u32, u32)> = lattice(&crop).take(count).collect();
     let run = |(light_paths, pairs), light_walks| {
         let jobs = settings.iter().map(|settings| {
-            let mut job = SensorJob::new(frame.scene, frame.sensor, settings, &crop, false);
+            let mut job = SensorJob::new(frame.scene, frame.sensor, settings, &crop, true);
+            job.detailed = false;
             job.strategies.tries = frame.strategies.tries;
             job.strategies.factors = factors;
-            job.strategies.pairs = pairs;
-            job.strategies.set_light_paths(light_paths);
+            job.strategies.set_effort(light_paths, pairs);
             job.light_walks = light_walks;
             job
         });
@@ -124,21 +151,39 @@ pub fn choose(
         };
         pilot.run(&pixels)
     };
-    let cost_of = |pixels: &[Pixel]| pixels.iter().map(|p| price(&p.counters)).sum::<f64>();
-    let alone = cost_of(&run(USUAL, LightWalks::Never));
-    let (usual, few) = (run(USUAL, LightWalks::Once), run(FEW, LightWalks::Once));
+    let alone = cost(&run(USUAL, LightWalks::Never));
+    let usual = run(USUAL, LightWalks::Once);
     let scale = scale(Regions::new(crop), &usual);
     let product = |pixels: &[Pixel], light_paths: f64| {
-        let cost = alone + light_paths * (cost_of(pixels) - alone);
+        let cost = alone + light_paths * (cost(pixels) - alone);
         variance(pixels, light_paths, &scale) * cost
     };
-    let pays = product(&few, FEW.0) < CLEAR * product(&usual, USUAL.0);
-    let (light_paths, pairs) = if pays { FEW } else { USUAL };
+    let mut best = (USUAL, CLEAR * product(&usual, USUAL.0));
+    let mut runs = 3;
+    let mut offer = |choice, product| {
+        if product < best.1 {
+            best = (choice, product);
+        }
+    };
+    offer(FEW, product(&run(FEW, LightWalks::Once), FEW.0));
+    if can_do_without(frame) {
+        runs += 1;
+        let none = run(NONE, LightWalks::Never);
+        let unseen = variance_without(&usual, &scale);
+        let variance = variance(&none, 0.0, &scale).max(unseen);
+        offer(NONE, variance * UNASKED * cost(&none));
+    }
+    let (light_paths, pairs) = best.0;
     Some(EffortChoice {
         light_paths,
         pairs,
-        samples: 3 * SAMPLES * pixels.len() as u64,
+        samples: runs * SAMPLES * pixels.len() as u64,
     })
+}
+
+fn cost(pixels: &[Pixel]) -> f64 {
+    let of_pixel = |p: &Pixel| price(&p.counters) + WEIGHTS * p.counters.connections_tried as f64;
+    pixels.iter().map(of_pixel).sum()
 }
 
 /// Samples of a pixel.
@@ -149,9 +194,16 @@ struct Pixel {
     region: usize,
     /// Means over each group of what camera sub-paths make alone.
     own: [f64; GROUPS],
-    /// Brightness and region of what a light sub-path brings, each.
-    brought: Vec<(f64, usize)>,
+    brought: Vec<Brought>,
     counters: Counters,
+}
+
+/// Contribution of a light sub-path.
+struct Brought {
+    brightness: f64,
+    region: usize,
+    /// Share of strategies of camera sub-paths in the weights.
+    camera_share: f64,
 }
 
 struct Pilot<'a> {
@@ -182,14 +234,20 @@ impl Pilot<'_> {
                 };
                 let response = sample_pixel(job, &pass, pixel, self.response, workspace);
                 for made in &workspace.contributions {
-                    let value = response.brightness(&made.lanes);
-                    match made.target {
-                        Target::Splat(raster) => {
-                            brought.push((value, self.regions.at(raster.x, raster.y)));
+                    let brightness = response.brightness(&made.lanes);
+                    let region = match made.target {
+                        Target::Splat(raster) => self.regions.at(raster.x, raster.y),
+                        Target::OwnPixel if made.s >= 2 => region,
+                        Target::OwnPixel => {
+                            *own += brightness / f64::from(PASSES);
+                            continue;
                         }
-                        Target::OwnPixel if made.s >= 2 => brought.push((value, region)),
-                        Target::OwnPixel => *own += value / f64::from(PASSES),
-                    }
+                    };
+                    brought.push(Brought {
+                        brightness,
+                        region,
+                        camera_share: f64::from(made.camera_share),
+                    });
                 }
             }
         }
@@ -209,8 +267,8 @@ fn scale(mut regions: Regions, pixels: &[Pixel]) -> Vec<f64> {
         regions.add_samples(pixel.region, SAMPLES as u32);
         let own = pixel.own.iter().sum::<f64>() * f64::from(PASSES);
         regions.add_light(pixel.region, own);
-        for &(value, at) in &pixel.brought {
-            regions.add_light(at, value);
+        for brought in &pixel.brought {
+            regions.add_light(brought.region, brought.brightness);
         }
     }
     regions.scale()
@@ -224,10 +282,22 @@ fn variance(pixels: &[Pixel], light_paths: f64, scale: &[f64]) -> f64 {
         let scatter: f64 = pixel.own.iter().map(|v| (v - mean).powi(2)).sum();
         // of the mean of a group, times its passes: of one pass
         let own = scatter / (GROUPS - 1) as f64 * f64::from(PASSES);
-        let brought: f64 = pixel.brought.iter().map(|(v, at)| v * v * scale[*at]).sum();
+        let squared = |brought: &Brought| brought.brightness.powi(2) * scale[brought.region];
+        let brought: f64 = pixel.brought.iter().map(squared).sum();
         own * scale[pixel.region] + light_paths * brought / SAMPLES as f64
     };
     pixels.iter().map(of_pixel).sum()
+}
+
+/// The same of camera sub-paths alone, of as much as light sub-paths say: what they bring would be
+/// brought at so much greater weight.
+fn variance_without(pixels: &[Pixel], scale: &[f64]) -> f64 {
+    let squared = |brought: &Brought| {
+        brought.brightness.powi(2) / brought.camera_share * scale[brought.region]
+    };
+    let brought = pixels.iter().flat_map(|pixel| &pixel.brought);
+    let bright = brought.filter(|brought| brought.brightness != 0.0);
+    bright.map(squared).sum::<f64>() / SAMPLES as f64
 }
 
 #[cfg(test)]
@@ -238,14 +308,22 @@ mod tests {
     fn variance_is_that_of_a_pass() {
         // means of groups of 4 passes with variance 1: a pass has 4
         let spread = 0.75_f64.sqrt();
-        let pixel = Pixel {
+        let brought = |brightness, camera_share| Brought {
+            brightness,
+            region: 1,
+            camera_share,
+        };
+        let pixels = [Pixel {
             region: 0,
             own: [1.0 - spread, 1.0 + spread, 1.0 - spread, 1.0 + spread],
-            brought: vec![(4.0, 1), (8.0, 1)],
+            brought: vec![brought(4.0, 0.5), brought(8.0, 0.25)],
             counters: Counters::default(),
-        };
+        }];
         // 80 / 16 of what light sub-paths bring, half as often, of a region half as bright
-        let found = variance(&[pixel], 0.5, &[0.25, 1.0]);
+        let found = variance(&pixels, 0.5, &[0.25, 1.0]);
         assert!((found - (0.25 * 4.0 + 2.5)).abs() < 1e-12, "{found}");
+        // (16 / 0.5 + 64 / 0.25) / 16
+        let found = variance_without(&pixels, &[0.25, 1.0]);
+        assert!((found - 18.0).abs() < 1e-12, "{found}");
     }
 }

@@ -178,8 +178,9 @@ impl Render {
         frame.strategies.tries = choices.tries.as_ref().map(|found| &found.tries);
         frame.strategies.factors = choices.factors.as_ref().map(|found| &found.factors);
         if let Some(effort) = &choices.effort {
-            frame.strategies.pairs = effort.pairs;
-            frame.strategies.set_light_paths(effort.light_paths);
+            frame
+                .strategies
+                .set_effort(effort.light_paths, effort.pairs);
         }
         frame
     }
@@ -206,6 +207,11 @@ impl Render {
     /// pass.
     pub fn set_factors(&mut self, factors: Option<VarianceFactors>) {
         self.choices.factors = factors;
+    }
+
+    /// Takes another effort than the one found: for tests and studies, before the first pass.
+    pub fn set_effort(&mut self, effort: EffortChoice) {
+        self.choices.effort = Some(effort);
     }
 
     /// The settings of pass `index`.

@@ -20,7 +20,9 @@ use super::class::PathClass;
 use super::context::{Counters, PathContext};
 use super::contribution::{Aimed, Contribution, Target};
 use super::density::{Bridge, Column, PathView, VertexDensity};
-use super::mis::{Denominator, Multipliers, Technique, denominator, serves_all_lanes};
+use super::mis::{
+    Denominator, Multipliers, Technique, camera_share, denominator, serves_all_lanes,
+};
 use super::strategies::StrategySet;
 use super::subpath::{Event, Subpath, Vertex};
 use crate::bsdf::Lobe;
@@ -239,12 +241,13 @@ impl<'a> Joiner<'a> {
         let s = view.s();
         let made = Technique::of(view);
         let events = self.note_events(view, &candidate.trail);
-        let raw = if self.with_raw {
+        let (raw, camera_share) = if self.with_raw {
             let shared = serves_all_lanes(view, view.dispersive_count(), made);
             let value = |j| scale * f64::from(numerator.lanes[j]);
-            self.raw(value, multipliers.plain(made), shared, survival)
+            let raw = self.raw(value, multipliers.plain(made), shared, survival);
+            (raw, camera_share(&multipliers) as f32)
         } else {
-            [0.0; MAX_LANES]
+            ([0.0; MAX_LANES], 0.0)
         };
         for lane in &mut lanes {
             *lane /= survival;
@@ -253,6 +256,7 @@ impl<'a> Joiner<'a> {
             target: candidate.target,
             lanes,
             raw,
+            camera_share,
             s: view.made.map_or(s, |bridge| bridge.a + 1) as u32,
             t: view.camera.len() as u32,
             regularized: match view.made {

@@ -35,6 +35,9 @@ pub struct Contribution {
     pub lanes: [f64; MAX_LANES],
     /// The same had its strategy been the only one: the raw estimate.
     pub raw: [f64; MAX_LANES],
+    /// Share that strategies of camera sub-paths alone have in the weights of the path, where raw
+    /// estimates are computed; else 0. Of merged paths 0.
+    pub camera_share: f32,
     /// Vertices from the light.
     pub s: u32,
     /// Vertices from the sensor.

@@ -390,6 +390,26 @@ pub fn for_each_term(multipliers: &Multipliers, mut term: impl FnMut(Technique, 
     }
 }
 
+/// Share of the weights of a path that the strategies of camera sub-paths alone have: those that
+/// hit its light or are joined to it. With only these, the path's contribution would be divided by
+/// it.
+#[must_use]
+pub fn camera_share(multipliers: &Multipliers) -> f64 {
+    let heuristic = multipliers.strategies.heuristic;
+    let n = multipliers.path.len();
+    let (mut own, mut all) = (0.0, 0.0);
+    for_each_term(multipliers, |technique, value| {
+        let value = heuristic.power(value);
+        all += value;
+        if let Technique::Join(s @ (0 | 1)) = technique
+            && s + 1 < n
+        {
+            own += value;
+        }
+    });
+    own / all
+}
+
 /// `P̃_Bridge/P̃` of a bridge of the path for the technique that made it. [theory (9.4)]
 fn bridge_ratio(path: &PathView, bridge: &Bridge) -> f64 {
     let made = path.made.as_ref();

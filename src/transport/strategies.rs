@@ -136,6 +136,16 @@ impl StrategySet<'_> {
         }
     }
 
+    /// Takes as many light sub-paths per camera sub-path, and tries such a share of the pairs. With
+    /// no light sub-paths at all only hits and connections to lights are left.
+    pub fn set_effort(&mut self, light_paths: f64, pairs: f64) {
+        self.pairs = pairs;
+        if light_paths == 0.0 {
+            (self.splats, self.arrivals, self.pairs) = (false, false, 0.0);
+        }
+        self.set_light_paths(light_paths);
+    }
+
     /// Takes `count` light sub-paths per camera sub-path.
     pub fn set_light_paths(&mut self, count: f64) {
         self.splat_samples *= count / self.light_paths;

@@ -1,6 +1,6 @@
 //! The mean does not depend on how strategies are weighted or how often they are executed: `path`
 //! against `bdpt` under every heuristic, under random variance factors of 1 to 100 for every
-//! strategy, and with few or many light sub-paths and pairs, with and without cones.
+//! strategy, and with few or many light sub-paths and pairs or none, with and without cones.
 //!
 //! A comparison resolves 1 % of the mean and fails beyond 4.5 standard errors of the difference. A
 //! numerator without its factor would move the mean by tens of percent.
@@ -9,7 +9,7 @@ use super::equality::compare;
 use super::harness::{Estimate, full_crop, scene, test_scale};
 use abbe::light::LightId;
 use abbe::math::hash::{combine, random_bits, unit_f64};
-use abbe::render::{OutputRequest, PilotPasses, Render, VarianceFactors};
+use abbe::render::{EffortChoice, OutputRequest, PilotPasses, Render, VarianceFactors};
 use abbe::scene::settings::{Heuristic, IntegratorKind, Regularize};
 use abbe::scene::{Scene, Settings};
 use abbe::transport::class::PathClass;
@@ -94,6 +94,20 @@ fn mean(
     passes: u32,
     factors: Option<&VarianceFactors>,
 ) -> Estimate {
+    mean_of(scene, settings, passes, |render| {
+        if let Some(factors) = factors {
+            render.set_factors(Some(factors.clone()));
+        }
+    })
+}
+
+/// The same of renders that were changed before their first pass.
+fn mean_of(
+    scene: &Arc<Scene>,
+    settings: &Settings,
+    passes: u32,
+    change: impl Fn(&mut Render) + Sync,
+) -> Estimate {
     let batch = |batch: u32| {
         let settings = Settings {
             seed: combine(settings.seed, u64::from(batch) + 1),
@@ -101,9 +115,7 @@ fn mean(
         };
         let crop = full_crop(scene);
         let mut render = Render::new(scene, 0, &settings, crop, &OutputRequest::default());
-        if let Some(factors) = factors {
-            render.set_factors(Some(factors.clone()));
-        }
+        change(&mut render);
         (0..passes).for_each(|pass| render.add_pass(pass));
         let y = render.xyz().into_iter().skip(1).step_by(3);
         y.sum::<f64>() / crop.pixels() as f64
@@ -172,7 +184,95 @@ fn every_weighting_has_the_same_mean() {
     );
 }
 
-/// Where light sub-paths bring less than they cost, few are taken; where caustics may be, none are
+/// Every kind of light without anything specular, before a lens.
+const ROUGH: &str = r#"
+[render]
+max_depth = 4
+[[sensor]]
+resolution = [12, 8]
+filter = "gaussian"
+perspective = { eye = [0, 1, 0.95], target = [0, 0.9, 0], fov_deg = 80, aperture_radius = 0.02, focus_distance = 1 }
+[material.white]
+diffuse = { reflectance = 0.6 }
+[material.gold]
+conductor = { metal = "Au", roughness = 0.3 }
+[[object]]
+quad = { center = [0, 0, 0], u = [2, 0, 0], v = [0, 0, -2] }
+material = "white"
+[[object]]
+quad = { center = [0, 1, -1], u = [1, 0, 0], v = [0, 1, 0] }
+material = "white"
+[[object]]
+sphere = { center = [-0.3, 0.45, 0], radius = 0.4 }
+material = "gold"
+[[object]]
+quad = { center = [0.5, 1.2, -0.4], u = [0.2, 0, 0], v = [0, 0.1, 0.2] }
+emission = 5
+[[light]]
+point = { position = [0.6, 0.8, 0.3], intensity = 0.2 }
+[[light]]
+environment = { radiance = 0.3 }
+"#;
+
+/// Without light sub-paths nothing is lost: what they would have made is made by camera sub-paths,
+/// at the weight of all.
+#[test]
+fn camera_sub_paths_alone_make_all_light() {
+    let (scene, settings) = scene(ROUGH);
+    let passes = 40 * test_scale();
+    let with = |light_paths, pairs| {
+        mean_of(&scene, &settings, passes, |render| {
+            render.set_effort(EffortChoice {
+                light_paths,
+                pairs,
+                samples: 0,
+            });
+        })
+    };
+    let (usual, none) = (with(1.0, 0.25), with(0.0, 0.0));
+    compare("weights", "no light sub-paths", &usual, &none, RESOLUTION);
+    let path = Settings {
+        integrator: IntegratorKind::Path,
+        ..settings.clone()
+    };
+    let path = mean(&scene, &path, passes, None);
+    compare(
+        "weights",
+        "no light sub-paths, path",
+        &path,
+        &none,
+        RESOLUTION,
+    );
+}
+
+/// A lamp that shines at the ceiling next to it: camera sub-paths alone are not taken, however few
+/// of them find its light.
+#[test]
+fn light_sub_paths_are_kept_where_they_find_the_light() {
+    let (scene, settings) = scene(
+        r#"
+[render]
+max_depth = 8
+[[sensor]]
+resolution = [160, 120]
+perspective = { eye = [0, 1.2, 1.9], target = [0, 1, 0], fov_deg = 60 }
+[material.wall]
+diffuse = { reflectance = 0.8 }
+[[object]]
+box = { min = [-2, 0, -2], max = [2, 2.4, 2] }
+material = "wall"
+[[object]]
+quad = { center = [0, 2.3, 0], u = [0, 0, 0.1], v = [0.1, 0, 0] }
+emission = 8
+"#,
+    );
+    let crop = full_crop(&scene);
+    let render = Render::new(&scene, 0, &settings, crop, &OutputRequest::default());
+    let effort = render.choices().effort.expect("a pilot of full length");
+    assert!(effort.light_paths > 0.0, "{effort}");
+}
+
+/// Where light sub-paths bring less than they cost, none are taken; where caustics may be, none are
 /// left out.
 #[test]
 fn light_sub_paths_are_taken_where_they_pay() {
@@ -202,7 +302,7 @@ environment = { radiance = 1 }
         render.choices().effort
     };
     let under_sky = of(IntegratorKind::Bdpt, "").expect("a pilot of full length");
-    assert!(under_sky.light_paths < 1.0, "{under_sky}");
+    assert_eq!(under_sky.light_paths, 0.0, "{under_sky}");
     let ball = r#"
 [material.mirror]
 mirror = {}

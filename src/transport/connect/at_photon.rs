@@ -31,6 +31,7 @@ fn merged(lanes: [f64; MAX_LANES], j: usize) -> Contribution {
         target: Target::OwnPixel,
         lanes,
         raw: [0.0; MAX_LANES],
+        camera_share: 0.0,
         s: 0,
         t: j as u32 + 2,
         regularized: 0,
