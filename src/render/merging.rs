@@ -35,7 +35,7 @@ const RUN: usize = 32;
 /// Parts of a pass's light sub-paths, of which one is in memory twice for a moment, and light
 /// sub-paths of one at least: threads wait for each other at the end of each.
 const BATCHES: usize = 64;
-const LEAST_BATCH: usize = 256 * RUN;
+const LEAST_BATCH: usize = 32 * RUN;
 /// Passes whose light sub-paths tell how many vertices are stored.
 const PILOT_PASSES: u32 = 4;
 
