@@ -161,15 +161,14 @@ impl Film {
     /// The same with room for the sums of another film by so many blocks of sources. (An empty
     /// film.)
     #[must_use]
-    pub fn with_block_sums(self, blocks: u32) -> Self {
-        let (width, height) = (self.crop.width() as usize, self.crop.height());
-        let row = |length| Mutex::new(vec![0; length].into());
-        let half = || {
-            let pixels = (0..height).map(|_| row(width * self.channels));
-            pixels.chain((0..blocks).map(|_| row(self.channels)))
-        };
-        let rows = half().chain(half()).collect();
-        Self { rows, ..self }
+    pub fn with_block_sums(mut self, blocks: u32) -> Self {
+        let channels = self.channels;
+        let sums = || (0..blocks).map(|_| Mutex::new(vec![0; channels].into()));
+        let odd = self.rows.split_off(self.rows.len() / 2);
+        self.rows.extend(sums());
+        self.rows.extend(odd);
+        self.rows.extend(sums());
+        self
     }
 
     /// Number of blocks of sources by which light is summed up.

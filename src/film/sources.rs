@@ -41,8 +41,7 @@ impl Blocks {
             u64::from(blocks.columns) * u64::from(blocks.rows) <= u64::from(Self::MOST)
         };
         // one block of 2^31 pixels' width, or four of them, hold any film
-        let all = (0..31).map(with_bits);
-        all.into_iter().find(fits).unwrap_or(with_bits(31))
+        (0..31).map(with_bits).find(fits).unwrap_or(with_bits(31))
     }
 
     /// Number of blocks.

@@ -59,28 +59,21 @@ impl PixelMeasure {
 }
 
 impl PixelMeasure {
-    /// The mean, and each of them over it where they are not all the same.
-    fn relative(self) -> (f64, Option<Vec<f64>>) {
-        match self {
-            Self::Uniform(measure) => (measure, None),
-            Self::Each(mut all) => {
-                let mean = mean(&all);
-                all.iter_mut().for_each(|measure| *measure /= mean);
-                (mean, Some(all))
-            }
-        }
+    /// Each of them over the mean, where they are not all the same.
+    fn relative(&self) -> Option<Vec<f64>> {
+        let Self::Each(all) = self else {
+            return None;
+        };
+        let mean = self.mean();
+        Some(all.iter().map(|measure| measure / mean).collect())
     }
 
     fn mean(&self) -> f64 {
         match self {
             Self::Uniform(measure) => *measure,
-            Self::Each(all) => mean(all),
+            Self::Each(all) => all.iter().sum::<f64>() / all.len() as f64,
         }
     }
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
 }
 
 /// How the light of a detector is summed up by the pixels of `sources`, whose samples bring it;
@@ -95,7 +88,7 @@ pub(super) fn sources(
     if integrator.runs_chains() || integrator.merges() {
         return None;
     }
-    let (_, relative) = PixelMeasure::of(sensor, crop)?.relative();
+    let relative = PixelMeasure::of(sensor, crop)?.relative();
     Some(Sources {
         blocks: Blocks::of(sources),
         measures: relative.map(Into::into),

@@ -66,7 +66,7 @@ point = { position = [0, 0, 0.5], intensity = 2 }
 /// Pixels err together, because light that falls on one misses another: fluxes far less than they.
 #[test]
 fn stated_errors_are_the_spread_of_fluxes() {
-    // on the sequence of 1e-3 of the light, all of the others, and all light
+    // half of the samples for a ghost of 1e-5 of the light; none for anything but the direct light
     let held = "sequences = [\"L T(1) T(2) T(3) E\", \"L T(1) R(2) R(1) T(2) T(3) E\"]";
     let direct = "sequences = \"L T(1) T(2) T(3) E\"";
     for (what, first, text, kind, least) in [
