@@ -63,7 +63,7 @@ impl Choices {
         aiming.strategies.tries = tries.as_ref().map(|found| &found.tries);
         let factors = variance::choose(&aiming, crop, cone, response, pilot);
         let given = factors.as_ref().map(|found| &found.factors);
-        let effort = effort::choose(&aiming, given, crop, response, pilot);
+        let effort = effort::choose(&aiming, given, crop, cone, response, pilot);
         let roulette_threshold = pilot::roulette_threshold(&aiming, cone, response);
         let brightness = aiming.settings.integrator.runs_chains().then(|| {
             let mut weighted = aiming.clone();

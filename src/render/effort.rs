@@ -12,8 +12,9 @@
 //! seen where they hardly find it. So what light sub-paths bring says it too: by the share that
 //! strategies of camera sub-paths have in its weights. [theory (2.13)]
 //!
-//! Scenes with mirrors or smooth glass always have one light sub-path per camera sub-path: caustics
-//! are made by them, and a pilot may not have met what lights one.
+//! Where mirrors or smooth glass make caustics, there are as many light sub-paths as camera
+//! sub-paths, or none where that says that camera sub-paths find the lights well enough, as under a
+//! sky. Casters see to it that the pilot meets what makes caustics.
 //!
 //! Invariant: a function of scene, sensor, crop and settings without the seed and of the length of
 //! the pilot, counted and never timed, whatever the threads, so that all parts of a render agree.
@@ -24,13 +25,15 @@ use super::pilot::{Regions, lattice, price};
 use crate::film::Crop;
 use crate::integrator::strategies::PAIR_PROBABILITY;
 use crate::integrator::{LightWalks, SensorJob, Workspace, sample_pixel};
+use crate::light::Light;
 use crate::math::exact;
 use crate::math::hash::combine;
 use crate::scene::Settings;
 use crate::scene::effects::EffectKind;
+use crate::scene::settings::Aiming;
 use crate::spectrum::SensorResponse;
 use crate::transport::factors::Factors;
-use crate::transport::{Counters, PassSettings, Target};
+use crate::transport::{Cone, Counters, PassSettings, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -53,10 +56,12 @@ const UNASKED: f64 = 0.85;
 /// Independent groups of passes, and passes of each.
 const GROUPS: usize = 4;
 const PASSES: u32 = 4;
-/// Pixels of the lattice at most, and pixels of the film for one of them: the pilot takes a tenth
-/// of a sample per pixel.
+/// Pixels of the lattice at most, and samples of the shortest render with a pilot of this length for
+/// one of them: it takes at most 1.3 % of the render.
 const PIXELS: u64 = 512;
-const PIXELS_SHARE: u64 = 320;
+const PIXELS_SHARE: u64 = 5120;
+/// Pixels of the lattice at least where there are caustics: a thousand light sub-paths meet them.
+const CAUSTICS: usize = 64;
 
 /// Effort per sample, and how it was found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -80,7 +85,10 @@ impl fmt::Display for EffortChoice {
             samples,
         } = self;
         if *light_paths == 0.0 {
-            return write!(f, "no light sub-paths, as {samples} samples say");
+            return write!(
+                f,
+                "neither light sub-paths nor chains, as {samples} samples say"
+            );
         }
         write!(
             f,
@@ -90,7 +98,7 @@ impl fmt::Display for EffortChoice {
 }
 
 /// Whether a render has a choice of effort: it takes light sub-paths beside all others, merges
-/// none, both numbers are to be found, and no surface makes caustics.
+/// none, both numbers are to be found, and if a surface makes caustics it can do without them.
 pub(super) fn has_choice(frame: &SensorJob) -> bool {
     let (strategies, settings) = (&frame.strategies, frame.settings);
     strategies.merge.is_none()
@@ -98,12 +106,17 @@ pub(super) fn has_choice(frame: &SensorJob) -> bool {
         && strategies.direct
         && settings.light_paths.is_none()
         && settings.pair_probability.is_none()
-        && !frame.scene.has_effect(EffectKind::Specular)
+        && (!makes_caustics(frame) || can_do_without(frame))
 }
 
-/// Whether a render with a choice of effort can leave out light sub-paths: without what is specular
-/// every camera vertex can be joined to every light, and a light that is seen directly is hit. What
-/// light sub-paths alone do, and what is held to a few paths, is not asked for.
+fn makes_caustics(frame: &SensorJob) -> bool {
+    frame.scene.has_effect(EffectKind::Specular)
+}
+
+/// Whether a render can leave out light sub-paths: camera sub-paths can hit every light (of those
+/// that a pilot looks for caustics of, through casters), or no surface is specular, so that every
+/// camera vertex can be joined to every light and one that is seen directly is hit. What light
+/// sub-paths alone do, what is held to a few paths, and all chains are not asked for.
 pub(super) fn can_do_without(frame: &SensorJob) -> bool {
     let (strategies, settings) = (&frame.strategies, frame.settings);
     strategies.hits
@@ -111,6 +124,9 @@ pub(super) fn can_do_without(frame: &SensorJob) -> bool {
         && strategies.disabled.is_empty()
         && !settings.integrator.runs_chains()
         && frame.scene.sequences.is_none()
+        && settings.aim != Aiming::All
+        && (!makes_caustics(frame)
+            || frame.scene.casters.share() > 0.0 && !frame.scene.lights.iter().any(Light::is_delta))
 }
 
 /// Finds the effort, with these variance factors; `None` where there is no choice, or the render is
@@ -120,11 +136,14 @@ pub fn choose(
     frame: &SensorJob,
     factors: Option<&Factors>,
     crop: Crop,
+    cone: Option<Cone>,
     response: SensorResponse,
     length: PilotPasses,
 ) -> Option<EffortChoice> {
-    let count = (crop.pixels() / PIXELS_SHARE).min(PIXELS) as usize;
-    if !has_choice(frame) || !length.is_full() || count == 0 {
+    let share = PIXELS_SHARE / u64::from(length.least_samples().max(1));
+    let count = (crop.pixels() / share.max(1)).min(PIXELS) as usize;
+    let least = if makes_caustics(frame) { CAUSTICS } else { 1 };
+    if !has_choice(frame) || !length.is_full() || count < least {
         return None;
     }
     let settings: Vec<Settings> = (0..GROUPS as u64)
@@ -147,37 +166,41 @@ pub fn choose(
         let pilot = Pilot {
             groups: jobs.collect(),
             regions: Regions::new(crop),
+            cone,
             response,
         };
         pilot.run(&pixels)
     };
     let alone = cost(&run(USUAL, LightWalks::Never));
-    let usual = run(USUAL, LightWalks::Once);
-    let scale = scale(Regions::new(crop), &usual);
-    let product = |pixels: &[Pixel], light_paths: f64| {
-        let cost = alone + light_paths * (cost(pixels) - alone);
-        variance(pixels, light_paths, &scale) * cost
-    };
-    let mut best = (USUAL, CLEAR * product(&usual, USUAL.0));
-    let mut runs = 3;
-    let mut offer = |choice, product| {
-        if product < best.1 {
-            best = (choice, product);
-        }
-    };
-    offer(FEW, product(&run(FEW, LightWalks::Once), FEW.0));
+    let mut runs = vec![(USUAL, run(USUAL, LightWalks::Once))];
+    if !makes_caustics(frame) {
+        runs.push((FEW, run(FEW, LightWalks::Once)));
+    }
     if can_do_without(frame) {
-        runs += 1;
-        let none = run(NONE, LightWalks::Never);
-        let unseen = variance_without(&usual, &scale);
-        let variance = variance(&none, 0.0, &scale).max(unseen);
-        offer(NONE, variance * UNASKED * cost(&none));
+        runs.push((NONE, run(NONE, LightWalks::Never)));
+    }
+    let scale = scale(Regions::new(crop), &runs);
+    let unseen = variance_without(&runs[0].1, &scale);
+    let product = |(light_paths, pairs): (f64, f64), pixels: &[Pixel]| {
+        let variance = variance(pixels, light_paths, &scale);
+        if (light_paths, pairs) == NONE {
+            return variance.max(unseen) * UNASKED * cost(pixels);
+        }
+        variance * (alone + light_paths * (cost(pixels) - alone))
+    };
+    let samples = (runs.len() as u64 + 1) * SAMPLES * pixels.len() as u64;
+    let mut best = (USUAL, CLEAR * product(USUAL, &runs[0].1));
+    for (choice, pixels) in &runs[1..] {
+        let product = product(*choice, pixels);
+        if product < best.1 {
+            best = (*choice, product);
+        }
     }
     let (light_paths, pairs) = best.0;
     Some(EffortChoice {
         light_paths,
         pairs,
-        samples: runs * SAMPLES * pixels.len() as u64,
+        samples,
     })
 }
 
@@ -195,10 +218,12 @@ struct Pixel {
     /// Means over each group of what camera sub-paths make alone.
     own: [f64; GROUPS],
     brought: Vec<Brought>,
+    /// Part of what camera sub-paths make alone: by chains that are solved for.
+    aimed: Vec<Brought>,
     counters: Counters,
 }
 
-/// Contribution of a light sub-path.
+/// Contribution of a light sub-path, or of a chain.
 struct Brought {
     brightness: f64,
     region: usize,
@@ -209,6 +234,7 @@ struct Brought {
 struct Pilot<'a> {
     groups: Vec<SensorJob<'a>>,
     regions: Regions,
+    cone: Option<Cone>,
     response: SensorResponse,
 }
 
@@ -224,30 +250,35 @@ impl Pilot<'_> {
 
     fn pixel(&self, pixel: (u32, u32), workspace: &mut Workspace) -> Pixel {
         let region = self.regions.at(f64::from(pixel.0), f64::from(pixel.1));
-        let (mut own, mut brought) = ([0.0; GROUPS], Vec::new());
+        let (mut own, mut brought, mut aimed) = ([0.0; GROUPS], Vec::new(), Vec::new());
         workspace.counters = Counters::default();
         for (job, own) in self.groups.iter().zip(&mut own) {
             for index in 0..PASSES {
                 let pass = PassSettings {
                     index,
+                    cone: self.cone,
                     ..PassSettings::default()
                 };
                 let response = sample_pixel(job, &pass, pixel, self.response, workspace);
                 for made in &workspace.contributions {
                     let brightness = response.brightness(&made.lanes);
-                    let region = match made.target {
-                        Target::Splat(raster) => self.regions.at(raster.x, raster.y),
-                        Target::OwnPixel if made.s >= 2 => region,
-                        Target::OwnPixel => {
-                            *own += brightness / f64::from(PASSES);
-                            continue;
-                        }
+                    let (region, by_light) = match made.target {
+                        Target::Splat(raster) => (self.regions.at(raster.x, raster.y), true),
+                        Target::OwnPixel => (region, made.s >= 2),
                     };
-                    brought.push(Brought {
+                    if !by_light {
+                        *own += brightness / f64::from(PASSES);
+                    }
+                    let found = Brought {
                         brightness,
                         region,
                         camera_share: f64::from(made.camera_share),
-                    });
+                    };
+                    if by_light {
+                        brought.push(found);
+                    } else if made.aimed.is_some() {
+                        aimed.push(found);
+                    }
                 }
             }
         }
@@ -255,20 +286,23 @@ impl Pilot<'_> {
             region,
             own,
             brought,
+            aimed,
             counters: workspace.counters,
         }
     }
 }
 
-/// Region by region, one over the squared brightness that is found where light sub-paths are as
-/// many as samples.
-fn scale(mut regions: Regions, pixels: &[Pixel]) -> Vec<f64> {
-    for pixel in pixels {
-        regions.add_samples(pixel.region, SAMPLES as u32);
-        let own = pixel.own.iter().sum::<f64>() * f64::from(PASSES);
-        regions.add_light(pixel.region, own);
-        for brought in &pixel.brought {
-            regions.add_light(brought.region, brought.brightness);
+/// Region by region, one over the squared brightness that all runs together find: were it that of
+/// one, this would look the quietest, for what is bright by chance is so in both.
+fn scale(mut regions: Regions, runs: &[((f64, f64), Vec<Pixel>)]) -> Vec<f64> {
+    for ((light_paths, _), pixels) in runs {
+        for pixel in pixels {
+            regions.add_samples(pixel.region, SAMPLES as u32);
+            let own = pixel.own.iter().sum::<f64>() * f64::from(PASSES);
+            regions.add_light(pixel.region, own);
+            for brought in &pixel.brought {
+                regions.add_light(brought.region, light_paths * brought.brightness);
+            }
         }
     }
     regions.scale()
@@ -289,14 +323,16 @@ fn variance(pixels: &[Pixel], light_paths: f64, scale: &[f64]) -> f64 {
     pixels.iter().map(of_pixel).sum()
 }
 
-/// The same of camera sub-paths alone, of as much as light sub-paths say: what they bring would be
-/// brought at so much greater weight.
+/// The same of hits and connections to lights alone, of as much as light sub-paths and chains say:
+/// what these bring would be brought at so much greater weight.
 fn variance_without(pixels: &[Pixel], scale: &[f64]) -> f64 {
     let squared = |brought: &Brought| {
         brought.brightness.powi(2) / brought.camera_share * scale[brought.region]
     };
-    let brought = pixels.iter().flat_map(|pixel| &pixel.brought);
-    let bright = brought.filter(|brought| brought.brightness != 0.0);
+    let found = pixels
+        .iter()
+        .flat_map(|pixel| pixel.brought.iter().chain(&pixel.aimed));
+    let bright = found.filter(|brought| brought.brightness != 0.0);
     bright.map(squared).sum::<f64>() / SAMPLES as f64
 }
 
@@ -317,13 +353,14 @@ mod tests {
             region: 0,
             own: [1.0 - spread, 1.0 + spread, 1.0 - spread, 1.0 + spread],
             brought: vec![brought(4.0, 0.5), brought(8.0, 0.25)],
+            aimed: vec![brought(2.0, 0.5)],
             counters: Counters::default(),
         }];
         // 80 / 16 of what light sub-paths bring, half as often, of a region half as bright
         let found = variance(&pixels, 0.5, &[0.25, 1.0]);
         assert!((found - (0.25 * 4.0 + 2.5)).abs() < 1e-12, "{found}");
-        // (16 / 0.5 + 64 / 0.25) / 16
+        // (16 / 0.5 + 64 / 0.25 + 4 / 0.5) / 16
         let found = variance_without(&pixels, &[0.25, 1.0]);
-        assert!((found - 18.0).abs() < 1e-12, "{found}");
+        assert!((found - 18.5).abs() < 1e-12, "{found}");
     }
 }

@@ -137,11 +137,12 @@ impl StrategySet<'_> {
     }
 
     /// Takes as many light sub-paths per camera sub-path, and tries such a share of the pairs. With
-    /// no light sub-paths at all only hits and connections to lights are left.
+    /// no light sub-paths at all only hits and connections to lights are left, and no chains.
     pub fn set_effort(&mut self, light_paths: f64, pairs: f64) {
         self.pairs = pairs;
         if light_paths == 0.0 {
             (self.splats, self.arrivals, self.pairs) = (false, false, 0.0);
+            self.aims = Aims::NONE;
         }
         self.set_light_paths(light_paths);
     }

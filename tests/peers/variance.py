@@ -130,8 +130,8 @@ def ratio_with_interval(ours, theirs, generator):
 def equal_times(args):
     """Errors of `bdpt` over those of `path` after the same CPU seconds, seed by seed.
 
-    The reference is the mean of long renders by `bdpt` with other seeds, so it has the light that `path` does not find; passes of a
-    time are those of the rate that 64 passes have, so times are as good as that rate.
+    The reference is the mean of long renders by `bdpt` with other seeds, so it has the light that `path` does not find; the passes of a
+    time follow from what 64 and 192 of them take, so that pilots count once.
     """
     programs = [Variant("this", args.program, []), Variant("path", args.program, ["--integrator", "path"])]
     generator = np.random.default_rng(1)
@@ -141,11 +141,14 @@ def equal_times(args):
         loading = min(render(programs[0], scene, "off", 1, 0, args, "0,0,1,1") for _ in range(2))
         long = [render(programs[0], scene, "auto", args.reference_spp, seed, args)[0][0] for seed in range(101, 101 + args.references)]
         reference = np.mean(long, axis=0)
-        rates = [max(render(v, scene, "auto", 64, 201, args)[1] - loading, 0.01) / 64 for v in programs]
+        times = [[min(render(v, scene, "auto", spp, seed, args)[1] for seed in (201, 202)) - loading for spp in (64, 192)]
+                 for v in programs]
+        rates = [max(long - short, 0.01) / 128 for short, long in times]
+        starts = [max(short - 64 * rate, 0) for (short, _), rate in zip(times, rates)]
         for seconds in map(float, args.seconds.split(",")):
             errors, spp, times = [], [], []
-            for variant, rate in zip(programs, rates):
-                passes = max(1, round(seconds / rate))
+            for variant, rate, start in zip(programs, rates, starts):
+                passes = max(1, round((seconds - start) / rate))
                 runs = [render(variant, scene, "auto", passes, seed, args) for seed in range(1, args.seeds + 1)]
                 errors.append(root_error([images[0] for images, _ in runs], reference))
                 times.append(np.median([s - loading for _, s in runs]))

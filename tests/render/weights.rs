@@ -214,12 +214,39 @@ point = { position = [0.6, 0.8, 0.3], intensity = 0.2 }
 environment = { radiance = 0.3 }
 "#;
 
+/// The same with glass and a mirror, and without what cannot be hit.
+fn smooth() -> String {
+    let (hittable, point) = ROUGH.split_once("[[light]]").expect("two lights");
+    let (_, sky) = point.split_once("[[light]]").expect("two lights");
+    let ball = r#"
+[material.clear]
+dielectric = {}
+[material.mirror]
+mirror = {}
+[medium.glass]
+ior = 1.5
+[[object]]
+sphere = { center = [0.5, 0.35, 0.1], radius = 0.3 }
+material = "clear"
+interior = "glass"
+[[object]]
+quad = { center = [-0.9, 1, 0], u = [0, 0, -0.5], v = [0, 0.5, 0] }
+material = "mirror"
+"#;
+    let hittable = hittable.replace("[render]", "[render]\nregularize = \"off\"");
+    format!("{hittable}{ball}[[light]]{sky}")
+}
+
 /// Without light sub-paths nothing is lost: what they would have made is made by camera sub-paths,
 /// at the weight of all.
 #[test]
 fn camera_sub_paths_alone_make_all_light() {
-    let (scene, settings) = scene(ROUGH);
-    let passes = 40 * test_scale();
+    without_light_sub_paths(ROUGH, 40 * test_scale());
+    without_light_sub_paths(&smooth(), 160 * test_scale());
+}
+
+fn without_light_sub_paths(text: &str, passes: u32) {
+    let (scene, settings) = scene(text);
     let with = |light_paths, pairs| {
         mean_of(&scene, &settings, passes, |render| {
             render.set_effort(EffortChoice {
@@ -272,8 +299,8 @@ emission = 8
     assert!(effort.light_paths > 0.0, "{effort}");
 }
 
-/// Where light sub-paths bring less than they cost, none are taken; where caustics may be, none are
-/// left out.
+/// Where light sub-paths bring less than they cost, none are taken; where they alone find caustics,
+/// they are kept.
 #[test]
 fn light_sub_paths_are_taken_where_they_pay() {
     let of = |integrator, more: &str| {
@@ -310,7 +337,25 @@ mirror = {}
 sphere = { center = [0, 0.4, 0], radius = 0.4 }
 material = "mirror"
 "#;
-    assert_eq!(of(IntegratorKind::Bdpt, ball), None);
+    let mirror_under_sky = of(IntegratorKind::Bdpt, ball).expect("a pilot of full length");
+    assert_eq!(mirror_under_sky.light_paths, 0.0, "{mirror_under_sky}");
+    let lens = r#"
+[material.clear]
+dielectric = {}
+[medium.glass]
+ior = 1.5
+[[object]]
+sphere = { center = [-0.4, 0.4, 0], radius = 0.3 }
+material = "clear"
+interior = "glass"
+[[object]]
+quad = { center = [-1, 1.5, 0], u = [0.01, 0, 0], v = [0, 0, 0.01] }
+emission = 5000
+"#;
+    let under_lamp = of(IntegratorKind::Bdpt, lens).expect("a pilot of full length");
+    assert_eq!(under_lamp.light_paths, 1.0, "{under_lamp}");
+    let point = "[[light]]\npoint = { position = [-1, 1.5, 0], intensity = 1 }\n";
+    assert_eq!(of(IntegratorKind::Bdpt, &format!("{ball}{point}")), None);
     assert_eq!(of(IntegratorKind::Vcm, ""), None);
     assert_eq!(of(IntegratorKind::Path, ""), None);
 }
