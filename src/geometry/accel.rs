@@ -7,7 +7,8 @@ use super::ray::LocalRay;
 use super::tree::Tree;
 use super::tree_walk::Boxes;
 use super::{
-    Hit, Instance, InstanceId, Moment, Ray, Shape, SurfaceId, SurfacePoint, Transform, instance,
+    Hit, Instance, InstanceId, Moment, Placement, Ray, Shape, SurfaceId, SurfacePoint, Transform,
+    instance,
 };
 use glam::{DVec2, DVec3};
 
@@ -269,16 +270,16 @@ impl<'a> AccelAt<'a> {
     #[inline(always)]
     fn hit_before(&self, ray: &Ray, id: InstanceId, t_max: f64) -> Option<(f64, u32, DVec2)> {
         let Instance { shape, transform } = self.accel.instance(id);
-        let placement = transform.at(self.moment);
-        let to_object = &placement.to_object;
-        let local = |extent| LocalRay::new(ray, id, to_object, t_max, extent);
-        match shape {
-            Shape::Mesh(mesh) => mesh.closest(&local(mesh.extent()), self.moment.time()),
-            Shape::Deforming(mesh) => mesh.closest(&local(mesh.extent()), self.moment.time()),
-            _ => shape
-                .analytic_hit(ray.ends_on(id), local)
-                .map(|(t, prim)| (t, prim, DVec2::ZERO)),
-        }
+        transform.with(self.moment, |Placement { to_object, .. }| {
+            let local = |extent| LocalRay::new(ray, id, to_object, t_max, extent);
+            match shape {
+                Shape::Mesh(mesh) => mesh.closest(&local(mesh.extent()), self.moment.time()),
+                Shape::Deforming(mesh) => mesh.closest(&local(mesh.extent()), self.moment.time()),
+                _ => shape
+                    .analytic_hit(ray.ends_on(id), local)
+                    .map(|(t, prim)| (t, prim, DVec2::ZERO)),
+            }
+        })
     }
 
     /// Whether any instance for which `opaque` says true is hit.
@@ -313,16 +314,15 @@ impl<'a> AccelAt<'a> {
                     return false;
                 }
                 let Instance { shape, transform } = self.accel.instance(instance);
-                let placement = transform.at(self.moment);
-                let to_object = &placement.to_object;
-                let local = |extent| LocalRay::new(ray, instance, to_object, ray.t_max, extent);
-                let is_hit = match shape {
-                    Shape::Mesh(mesh) => mesh.occluded(&local(mesh.extent()), self.moment.time()),
-                    Shape::Deforming(mesh) => {
-                        mesh.occluded(&local(mesh.extent()), self.moment.time())
+                let time = self.moment.time();
+                let is_hit = transform.with(self.moment, |Placement { to_object, .. }| {
+                    let local = |extent| LocalRay::new(ray, instance, to_object, ray.t_max, extent);
+                    match shape {
+                        Shape::Mesh(mesh) => mesh.occluded(&local(mesh.extent()), time),
+                        Shape::Deforming(mesh) => mesh.occluded(&local(mesh.extent()), time),
+                        _ => shape.analytic_hit(ray.ends_on(instance), local).is_some(),
                     }
-                    _ => shape.analytic_hit(ray.ends_on(instance), local).is_some(),
-                };
+                });
                 is_hit && stops(instance)
             },
         )

@@ -121,6 +121,20 @@ impl Transform {
         }
     }
 
+    /// Calls `ask` with the placement at a moment. One branch tells whether the thing moves; a `Cow`
+    /// has one for every number that is read.
+    #[inline(always)]
+    pub(super) fn with<R>(&self, moment: Moment, ask: impl FnOnce(&Placement) -> R) -> R {
+        let moving;
+        ask(match self {
+            Self::Static(placement) => placement,
+            Self::Moving(motion) => {
+                moving = motion.placement(moment);
+                &moving
+            }
+        })
+    }
+
     /// Gives a thing that moves the next number, by which moments remember its placement.
     pub fn enumerate(&mut self, next: &mut usize) {
         if let Self::Moving(motion) = self {

@@ -247,12 +247,9 @@ impl Node {
     #[inline(always)]
     pub(super) fn child(&self, slot: usize) -> Child {
         let child = self.children[slot];
-        let first = if child & Self::LEAF == 0 {
-            self.first_node
-        } else {
-            self.first_prim
-        };
-        Child((u32::from(child & !31) << 24) | (first + u32::from(child & 31)))
+        let (node, leaf) = (self.first_node, self.first_prim | Child::LEAF);
+        let first = if child & Self::LEAF == 0 { node } else { leaf };
+        Child((first + u32::from(child & 31)) | (u32::from(child & 0x60) << 24))
     }
 
     /// The boxes entered before `limit`, as bits, and where.
@@ -264,7 +261,7 @@ impl Node {
             let corner = f32x8::splat((self.origin[axis] - entry.origin[axis]) * inv);
             move |high: bool| {
                 let steps = self.planes[axis][usize::from(high)].map(f32::from);
-                f32x8::from(steps) * per_step + corner
+                f32x8::from(steps).mul_add(per_step, corner)
             }
         })
     }
@@ -290,7 +287,7 @@ impl Node {
                 let steps =
                     |of: &Self| f32x8::from(of.planes[axis][usize::from(high)].map(f32::from));
                 let (a, b) = (steps(self), steps(end));
-                a * from + b * to + corner
+                a.mul_add(from, b.mul_add(to, corner))
             }
         })
     }
