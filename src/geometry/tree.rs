@@ -8,9 +8,9 @@
 //! Invariant: boxes only ever cull, and never what a ray touches. They live in a frame in which the
 //! tree fills -1..1; a ray is advanced in f64 to the bounds before it is rounded, so that planes
 //! are at most 2 and a little away. With u = 2^-24, the distance of a plane then errs by u (start
-//! of the ray) + 2u (corner of the node from it) and, in units of the inverse direction, by 4u
-//! (that itself) + 2u (corner) + 2u (steps) + 2u (sum) more, together 8e-7 at most, and boxes are
-//! padded by more.
+//! of the ray) + 2u (corner of the node from it) and, in units of the inverse direction, by 2u
+//! (that itself) + 2u (corner) + 2u (sum) more, and 2u (steps) where no processor fuses product and
+//! sum, together 7e-7 at most, and boxes are padded by more.
 
 use glam::{DVec3, Vec3, Vec3A};
 use prefetch_index::prefetch_index;
@@ -133,9 +133,10 @@ impl Tree {
     pub fn enter(&self, o: DVec3, d: DVec3, t_max: f64) -> Option<Entry> {
         let o = (o - self.center) * self.inv_scale;
         let d = d * self.inv_scale;
+        // the one division: bounds and boxes both take it
+        let inv = 1.0 / d;
         let mut t = 0.0;
         if !o.abs().cmple(self.reach).all() {
-            let inv = 1.0 / d;
             let (a, b) = ((-self.reach - o) * inv, (self.reach - o) * inv);
             let (near, far) = (a.min(b), a.max(b));
             let mut end = t_max;
@@ -157,7 +158,7 @@ impl Tree {
         if !(rate >= f64::MIN_POSITIVE && (o.dot(d) + t).is_finite()) {
             return None;
         }
-        let inv_direction = Vec3A::ONE / (d * (1.0 / rate)).as_vec3a();
+        let inv_direction = (inv * rate).as_vec3a();
         let inv_direction = inv_direction.clamp(Vec3A::splat(-MOST), Vec3A::splat(MOST));
         let mut entry = Entry {
             t,
