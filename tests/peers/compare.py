@@ -1,20 +1,31 @@
 #!/usr/bin/env python3
-"""Renders the bench scenes with abbe, Mitsuba 3 and LuxCore in turn; prints samples per core-second and error at equal CPU time.
+"""Renders the bench scenes with abbe, Mitsuba 3, pbrt-r4 and LuxCore in turn; prints samples per core-second and error at equal CPU time.
 
     cargo build --release && cargo run --release --example bench_meshes
-    python3 tests/peers/compare.py [--scenes A,B,C,E] [--seconds 20] [--rounds 3] [--scale 0.5] [--work FOLDER]
+    cargo install pbrt-r4 --version 4.5.2 --no-default-features --root target/pbrt --config 'profile.release.package.pbrt-r4.opt-level=3'
+    python3 tests/peers/compare.py [--scenes A,B,C,E] [--seconds 8,30] [--rounds 3] [--scale 0.5] [--reference SECONDS]
+        [--renderers NAME,NAME] [--abbe PROGRAM] [--pbrt PROGRAM] [--work FOLDER]
 
 Makes a Python environment in FOLDER (target/peers) and installs mitsuba and pyluxcore from PyPI into it, once. Run by hand on a
 machine that is otherwise quiet; it is no part of the test suite. A peer that does not install or run is named and left out.
 
-Each renderer is measured against a long render of its own (16 times the CPU time, another seed), because the peers differ in what
-they compute: Mitsuba has neither dispersion nor bidirectional paths and is given the index of the glass at the d line, LuxCore
-computes in RGB with light levels of its own and a sphere of triangles. So the columns say how fast each converges to its own
-image; the mean of the image is printed beside, where it should agree between abbe and Mitsuba. Errors are of luminance after
-scaling the reference to mean 1: relMSE = mean (I - R)^2 / (R^2 + 0.01), also without the worst 0.1 % of the pixels, and that in
-exactly the CPU time asked for; the last columns compare each of abbe's methods with the row: below 1 abbe's error is smaller.
+`mitsuba` is its `scalar_spectral` with independent samples, `mitsuba-llvm` its `llvm_ad_spectral` with the sampler `multijitter`, of
+square numbers of samples. The latter loads LLVM at run time; DRJIT_LIBLLVM_PATH names the library where there are several (with
+Mitsuba 3.9.1, LLVM 14 and 15 end in "cannot select fminimum", 19 works). `pbrt-path` and `pbrt-bdpt` have pbrt's default sampler and
+powers of two. Each run has one thread. CPU time is that of rendering, without reading the scene and building its hierarchy, with
+abbe's pilots and Mitsuba's compiling; of pbrt-r4 that of the program without that of one sample of 4 x 3 pixels.
+
+Each renderer is measured against a long render of its own (of --reference CPU seconds, by default 16 times the longest run; another
+seed), because the peers differ in what they compute: Mitsuba has neither dispersion nor bidirectional paths and is given the index of
+the glass at the d line, LuxCore computes in RGB with light levels of its own and a sphere of triangles. So the columns say how fast
+each converges to its own image; the mean of the image is printed beside, where it should agree but for LuxCore. Errors are of
+luminance after scaling the reference to mean 1: relMSE = mean (I - R)^2 / (R^2 + 0.01), also without the worst 0.1 % of the pixels, and
+that in exactly the CPU time asked for, without the share of the reference, squared errors falling as one over the number of samples.
+The last columns are the latter over that of each of abbe's methods: above 1 abbe's error is smaller. Single runs are told on stderr.
 """
 import argparse
+import functools
+import itertools
 import json
 import math
 import os
@@ -57,6 +68,8 @@ SCENES = {
     ),
 }
 DEPTH = 8
+# variant and sampler
+MITSUBA = {"mitsuba": ("scalar_spectral", "independent"), "mitsuba-llvm": ("llvm_ad_spectral", "multijitter")}
 
 
 def mesh_of(thing):
@@ -98,11 +111,13 @@ def mesh_of(thing):
     return points @ turn.T + np.array(thing.get("move", (0, 0, 0))), np.array(triangles)
 
 
-def mitsuba_render(scene, size, spp, seed):
+def mitsuba_render(scene, size, spp, seed, variant, sampler):
+    import drjit
     import mitsuba as mi
     import numpy as np
 
-    mi.set_variant("scalar_spectral")
+    mi.set_variant(variant)
+    drjit.set_thread_count(1)
 
     def bsdf(thing):
         if "glass" in thing:
@@ -140,7 +155,7 @@ def mitsuba_render(scene, size, spp, seed):
             type="perspective", fov=fov, fov_axis="y",
             to_world=mi.ScalarTransform4f().look_at(origin=eye, target=target, up=(0, 1, 0)),
             film=dict(type="hdrfilm", width=size[0], height=size[1], pixel_format="luminance", rfilter=dict(type="box")),
-            sampler=dict(type="independent", sample_count=spp, seed=seed),
+            sampler=dict(type=sampler, sample_count=spp, seed=seed),
         ),
         light=shape(dict(quad=(center, u, v), diffuse=0.0, emitter=dict(type="area", radiance=dict(type="uniform", value=float(radiance)))), "light"),
     )
@@ -213,7 +228,7 @@ def luxcore_render(scene, size, spp, seed, engine):
         "renderengine.type": engine, "sampler.type": "SOBOL", "renderengine.seed": seed,
         "film.width": size[0], "film.height": size[1], "film.filter.type": "NONE",
         "path.pathdepth.total": DEPTH + 1, "light.maxdepth": DEPTH, "path.maxdepth": DEPTH,
-        "batch.haltspp": spp, "film.outputs.0.type": "RGB", "film.outputs.0.filename": "unused.exr",
+        "native.threads.count": 1, "batch.haltspp": spp, "film.outputs.0.type": "RGB", "film.outputs.0.filename": "unused.exr",
     }
     for key, value in settings.items():
         config.Set(pyluxcore.Property(key, value))
@@ -236,8 +251,8 @@ def worker(arguments):
 
     renderer, scene, width, height, spp, seed, out = arguments
     size, spp, seed = (int(width), int(height)), int(spp), int(seed)
-    if renderer == "mitsuba":
-        image, seconds = mitsuba_render(SCENES[scene], size, spp, seed)
+    if renderer in MITSUBA:
+        image, seconds = mitsuba_render(SCENES[scene], size, spp, seed, *MITSUBA[renderer])
     else:
         image, seconds = luxcore_render(SCENES[scene], size, spp, seed, renderer.split("-")[1].upper())
     np.save(out, image)
@@ -246,13 +261,36 @@ def worker(arguments):
     os._exit(0)
 
 
-def render(renderer, scene, size, spp, seed, work):
+def possible(renderer, spp):
+    """The number of samples nearest to `spp` that its sampler knows."""
+    if renderer == "mitsuba-llvm":
+        return max(1, round(spp**0.5)) ** 2
+    if renderer.startswith("pbrt"):
+        return 2 ** max(0, round(math.log2(spp)))
+    return max(1, round(spp))
+
+
+@functools.cache
+def pbrt_scene(program, scene, size, work):
+    import pbrt
+
+    return pbrt.Renderer(program, BENCH / SCENES[scene]["file"], size, work)
+
+
+def render(renderer, scene, size, spp, seed, options):
     """One run: the luminance and the CPU seconds of rendering."""
     import numpy as np
 
+    work = options.work
+    if renderer.startswith("pbrt"):
+        bench, integrator = pbrt_scene(options.pbrt, scene, size, work), renderer.split("-")[1]
+        samples = lambda count: f'Sampler "zsobol" "integer pixelsamples" {count}\nIntegrator "{integrator}"'
+        _, start = bench.render(samples(1), seed, (4, 3))
+        image, seconds = bench.render(samples(spp), seed)
+        return image, seconds - start
     if renderer.startswith("abbe"):
         image, stats = work / "abbe.exr", work / "abbe.json"
-        command = [ROOT / "target/release/abbe", "render", BENCH / SCENES[scene]["file"], "--spp", spp, "--seed", seed, "-q",
+        command = [options.abbe, "render", BENCH / SCENES[scene]["file"], "--spp", spp, "--seed", seed, "-q", "--threads", 1,
                    "--no-preview", "-o", image, "--stats", stats, "--set", f"sensor.0.resolution=[{size[0]}, {size[1]}]",
                    "--integrator", renderer.split("-")[1]]
         if renderer.endswith("unbiased"):
@@ -280,36 +318,40 @@ def errors(image, reference):
 
 def compare(options):
     import numpy as np
+    import pbrt
 
-    renderers = options.renderers.split(",")
+    renderers, times = options.renderers.split(","), [float(s) for s in options.seconds.split(",")]
     ours = [r for r in renderers if r.startswith("abbe")]
     names = ["scene", "renderer", "samples per pixel", "CPU s", "million samples per core-second", "mean Y", "relMSE", "trimmed",
-             f"trimmed in {options.seconds:g} CPU s", *(f"that of {name} over it" for name in ours)]
+             "trimmed in CPU s", *(f"over that of {name}" for name in ours)]
     print(f"| {' | '.join(names)} |\n|{'---|' * len(names)}")
     for scene in options.scenes.split(","):
         size = tuple(max(1, round(options.scale * n)) for n in SCENES[scene]["size"])
-        plans = {}
+        plans, results = {}, {}
         for renderer in renderers:
             try:
-                _, seconds = render(renderer, scene, size, 4, 7, options.work)
-                spp = max(1, round(4 * options.seconds / max(seconds, 1e-3)))
-                reference, _ = render(renderer, scene, size, 16 * spp, 1000, options.work)
-                plans[renderer] = (spp, reference, [])
+                known = [(count, render(renderer, scene, size, count, 7, options)[1]) for count in (4, 16)]
+                counts = [possible(renderer, pbrt.near(t, known)) for t in times]
+                spp = possible(renderer, pbrt.near(options.reference or 16 * max(times), known))
+                plans[renderer] = (counts, spp, render(renderer, scene, size, spp, 1000, options)[0])
             except (subprocess.CalledProcessError, OSError) as error:
                 detail = (getattr(error, "stderr", None) or str(error)).strip().splitlines()[-1:]
                 print(f"{scene}: {renderer} not run: {' '.join(detail)}", file=sys.stderr)
-        for turn in range(options.rounds):
-            for renderer, (spp, reference, results) in plans.items():
-                image, seconds = render(renderer, scene, size, spp, turn, options.work)
+        for turn, (i, asked) in itertools.product(range(options.rounds), enumerate(times)):
+            for renderer, (counts, longest, reference) in plans.items():
+                spp = counts[i]
+                image, seconds = render(renderer, scene, size, spp, turn, options)
                 full, trimmed = errors(image, reference)
-                # squared errors fall as one over the time: to the time asked for, from the one that it took
-                equal = trimmed * seconds / options.seconds
-                results.append((seconds, image.size * spp / seconds * 1e-6, image.mean(), full, trimmed, equal))
-        medians = {renderer: np.median(results, axis=0) for renderer, (_, _, results) in plans.items()}
-        for renderer, (seconds, rate, mean, full, trimmed, equal) in medians.items():
-            ratios = [f"{medians[name][-1] / equal:.2f}" if name in medians else "-" for name in ours]
-            cells = [scene, renderer, plans[renderer][0], f"{seconds:.1f}", f"{rate:.3f}", f"{mean:.4f}", f"{full:.2e}", f"{trimmed:.2e}", f"{equal:.2e}", *ratios]
-            print(f"| {' | '.join(map(str, cells))} |", flush=True)
+                # that at the time asked for, from the one that it took; the reference errs as a run of so many samples
+                equal = trimmed * seconds / asked / (1 + spp / longest)
+                row = (spp, seconds, image.size * spp / seconds * 1e-6, image.mean(), full, trimmed, equal)
+                results.setdefault((asked, renderer), []).append(row)
+                print(scene, renderer, *(f"{x:.4g}" for x in row), file=sys.stderr, flush=True)
+        medians = {key: np.median(rows, axis=0) for key, rows in results.items()}
+        for (asked, renderer), (spp, seconds, rate, mean, full, trimmed, equal) in medians.items():
+            ratios = [f"{equal / medians[asked, name][-1]:.2f}" if name in plans else "-" for name in ours]
+            cells = [scene, renderer, f"{spp:.0f}", f"{seconds:.1f}", f"{rate:.3f}", f"{mean:.4f}", f"{full:.2e}", f"{trimmed:.2e}"]
+            print(f"| {' | '.join([*cells, f'{equal:.2e} in {asked:g}', *ratios])} |", flush=True)
 
 
 def main():
@@ -317,11 +359,15 @@ def main():
         return worker(sys.argv[2:])
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", default="A,B,C,E")
-    parser.add_argument("--seconds", type=float, default=20, help="CPU seconds per run")
+    parser.add_argument("--seconds", default="20", help="CPU seconds per run")
+    parser.add_argument("--reference", type=float, help="CPU seconds of the run that each is measured against")
     parser.add_argument("--rounds", type=int, default=3, help="runs of each renderer, in turn; medians are printed")
     parser.add_argument("--scale", type=float, default=0.5, help="of the number of columns and rows")
     parser.add_argument("--work", type=pathlib.Path, default=ROOT / "target" / "peers")
-    parser.add_argument("--renderers", default="abbe-path,abbe-bdpt,abbe-bdpt-unbiased,mitsuba,luxcore-pathcpu,luxcore-bidircpu")
+    parser.add_argument("--abbe", type=pathlib.Path, default=ROOT / "target/release/abbe")
+    parser.add_argument("--pbrt", type=pathlib.Path, default=ROOT / "target/pbrt/bin/pbrt-r4")
+    parser.add_argument("--renderers", default="abbe-path,abbe-bdpt,abbe-bdpt-unbiased,mitsuba,mitsuba-llvm,pbrt-path,pbrt-bdpt,"
+                                               "luxcore-pathcpu,luxcore-bidircpu")
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
     python = options.work / "venv" / "bin" / "python"
