@@ -60,7 +60,9 @@ const PASSES: u32 = 4;
 /// one of them: it takes at most 1.3 % of the render.
 const PIXELS: u64 = 512;
 const PIXELS_SHARE: u64 = 5120;
-/// Pixels of the lattice at least where there are caustics: a thousand light sub-paths meet them.
+/// Pixels of the lattice at least: fewer do not tell; and where there are caustics, so that a
+/// thousand light sub-paths look for them.
+const LEAST: usize = 16;
 const CAUSTICS: usize = 64;
 
 /// Effort per sample, and how it was found.
@@ -142,7 +144,11 @@ pub fn choose(
 ) -> Option<EffortChoice> {
     let share = PIXELS_SHARE / u64::from(length.least_samples().max(1));
     let count = (crop.pixels() / share.max(1)).min(PIXELS) as usize;
-    let least = if makes_caustics(frame) { CAUSTICS } else { 1 };
+    let least = if makes_caustics(frame) {
+        CAUSTICS
+    } else {
+        LEAST
+    };
     if !has_choice(frame) || !length.is_full() || count < least {
         return None;
     }

@@ -77,6 +77,8 @@ impl SampledWavelengths {
 struct Piece {
     low_nm: f64,
     high_nm: f64,
+    /// Strictly inside of a cell: its ends may be atoms.
+    inner_nm: [f64; 2],
     /// Cumulative probability before the piece.
     before: f64,
     probability: f64,
@@ -302,6 +304,7 @@ impl WavelengthDistribution {
             pieces.push(Piece {
                 low_nm,
                 high_nm,
+                inner_nm: [low_nm.next_up(), high_nm.next_down()],
                 before: total,
                 probability,
                 density: 0.0,
@@ -355,8 +358,7 @@ impl WavelengthDistribution {
             } else {
                 let t = (rotated - piece.before) / piece.probability;
                 let lambda_nm = piece.low_nm + (piece.high_nm - piece.low_nm) * t;
-                // Strictly inside: the ends may be atoms.
-                lambda_nm.clamp(piece.low_nm.next_up(), piece.high_nm.next_down())
+                lambda_nm.max(piece.inner_nm[0]).min(piece.inner_nm[1])
             };
         }
         out
