@@ -121,8 +121,8 @@ impl Transform {
         }
     }
 
-    /// Calls `ask` with the placement at a moment. One branch tells whether the thing moves; a `Cow`
-    /// has one for every number that is read.
+    /// Calls `ask` with the placement at a moment. One branch tells whether the thing moves; a
+    /// `Cow` has one for every number that is read.
     #[inline(always)]
     pub(super) fn with<R>(&self, moment: Moment, ask: impl FnOnce(&Placement) -> R) -> R {
         let moving;

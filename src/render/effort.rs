@@ -56,8 +56,8 @@ const UNASKED: f64 = 0.85;
 /// Independent groups of passes, and passes of each.
 const GROUPS: usize = 4;
 const PASSES: u32 = 4;
-/// Pixels of the lattice at most, and samples of the shortest render with a pilot of this length for
-/// one of them: it takes at most 1.3 % of the render.
+/// Pixels of the lattice at most, and samples of the shortest render with a pilot of this length
+/// for one of them: it takes at most 1.3 % of the render.
 const PIXELS: u64 = 512;
 const PIXELS_SHARE: u64 = 5120;
 /// Pixels of the lattice at least: fewer do not tell; and where there are caustics, so that a
