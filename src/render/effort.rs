@@ -115,10 +115,10 @@ fn makes_caustics(frame: &SensorJob) -> bool {
     frame.scene.has_effect(EffectKind::Specular)
 }
 
-/// Whether a render can leave out light sub-paths: camera sub-paths can hit every light (of those
-/// that a pilot looks for caustics of, through casters), or no surface is specular, so that every
-/// camera vertex can be joined to every light and one that is seen directly is hit. What light
-/// sub-paths alone do, what is held to a few paths, and all chains are not asked for.
+/// Whether a render can leave out light sub-paths. Without what is specular every camera vertex can
+/// be joined to every light, and a light that is seen directly is hit; else all lights must be such
+/// that they can be hit, and a share of the pilot's light sub-paths must look for caustics. Not
+/// where light sub-paths alone, few paths or all chains are asked for.
 pub(super) fn can_do_without(frame: &SensorJob) -> bool {
     let (strategies, settings) = (&frame.strategies, frame.settings);
     strategies.hits

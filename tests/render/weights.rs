@@ -184,10 +184,11 @@ fn every_weighting_has_the_same_mean() {
     );
 }
 
-/// Every kind of light without anything specular, before a lens.
+/// Nothing specular, with a lamp, before a lens.
 const ROUGH: &str = r#"
 [render]
 max_depth = 4
+regularize = "off"
 [[sensor]]
 resolution = [12, 8]
 filter = "gaussian"
@@ -208,17 +209,9 @@ material = "gold"
 [[object]]
 quad = { center = [0.5, 1.2, -0.4], u = [0.2, 0, 0], v = [0, 0.1, 0.2] }
 emission = 5
-[[light]]
-point = { position = [0.6, 0.8, 0.3], intensity = 0.2 }
-[[light]]
-environment = { radiance = 0.3 }
 "#;
-
-/// The same with glass and a mirror, and without what cannot be hit.
-fn smooth() -> String {
-    let (hittable, point) = ROUGH.split_once("[[light]]").expect("two lights");
-    let (_, sky) = point.split_once("[[light]]").expect("two lights");
-    let ball = r#"
+/// Glass and a mirror beside it.
+const SMOOTH: &str = r#"
 [material.clear]
 dielectric = {}
 [material.mirror]
@@ -233,16 +226,22 @@ interior = "glass"
 quad = { center = [-0.9, 1, 0], u = [0, 0, -0.5], v = [0, 0.5, 0] }
 material = "mirror"
 "#;
-    let hittable = hittable.replace("[render]", "[render]\nregularize = \"off\"");
-    format!("{hittable}{ball}[[light]]{sky}")
-}
+/// Light that cannot be hit.
+const POINT: &str = r#"
+[[light]]
+point = { position = [0.6, 0.8, 0.3], intensity = 0.2 }
+"#;
+const SKY: &str = r#"
+[[light]]
+environment = { radiance = 0.3 }
+"#;
 
 /// Without light sub-paths nothing is lost: what they would have made is made by camera sub-paths,
 /// at the weight of all.
 #[test]
 fn camera_sub_paths_alone_make_all_light() {
-    without_light_sub_paths(ROUGH, 40 * test_scale());
-    without_light_sub_paths(&smooth(), 160 * test_scale());
+    without_light_sub_paths(&format!("{ROUGH}{POINT}{SKY}"), 40 * test_scale());
+    without_light_sub_paths(&format!("{ROUGH}{SMOOTH}{SKY}"), 160 * test_scale());
 }
 
 fn without_light_sub_paths(text: &str, passes: u32) {
