@@ -141,10 +141,10 @@ def equal_times(args):
         loading = min(render(programs[0], scene, "off", 1, 0, args, "0,0,1,1") for _ in range(2))
         long = [render(programs[0], scene, "auto", args.reference_spp, seed, args)[0][0] for seed in range(101, 101 + args.references)]
         reference = np.mean(long, axis=0)
-        times = [[min(render(v, scene, "auto", spp, seed, args)[1] for seed in (201, 202)) - loading for spp in (64, 192)]
+        taken = [[min(render(v, scene, "auto", spp, seed, args)[1] for seed in (201, 202)) - loading for spp in (64, 192)]
                  for v in programs]
-        rates = [max(long - short, 0.01) / 128 for short, long in times]
-        starts = [max(short - 64 * rate, 0) for (short, _), rate in zip(times, rates)]
+        rates = [max(long - short, 0.01) / 128 for short, long in taken]
+        starts = [max(short - 64 * rate, 0) for (short, _), rate in zip(taken, rates)]
         for seconds in map(float, args.seconds.split(",")):
             errors, spp, times = [], [], []
             for variant, rate, start in zip(programs, rates, starts):
