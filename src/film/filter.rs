@@ -4,8 +4,10 @@
 //! Camera samples are drawn from it and count with weight 1; splats are multiplied by it. None is
 //! negative, so weights stay a partition of unity and images have no negative ringing.
 
+use super::Crop;
 use glam::DVec2;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// A non-negative, normalized pixel filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,6 +78,38 @@ impl Filter {
                 (-0.5 * r2 / variance).exp() / (TAU * variance * gaussian_mass(sigma, radius))
             }
         }
+    }
+
+    /// The columns and rows of a crop in reach of a finite raster position.
+    #[must_use]
+    pub fn reached(&self, raster: DVec2, crop: &Crop) -> (Range<u32>, Range<u32>) {
+        // pixels whose offset is in [-radius, radius): exactly one for the box
+        let reach = |raster: f64, first: u32, end: u32| {
+            let low = (raster - 0.5 - self.radius()).floor() + 1.0;
+            let high = (raster - 0.5 + self.radius()).floor() + 1.0;
+            // saturating casts: far positions give an empty range
+            (low.max(0.0) as u32).max(first)..(high.max(0.0) as u32).min(end)
+        };
+        (
+            reach(raster.x, crop.x0, crop.x1),
+            reach(raster.y, crop.y0, crop.y1),
+        )
+    }
+
+    /// The filter of a pixel at a raster position.
+    #[must_use]
+    pub fn weight(&self, raster: DVec2, x: u32, y: u32) -> f64 {
+        let center = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
+        self.eval(raster - center)
+    }
+
+    /// Sum over the pixels of a crop: the share of a splat that lands there, and the density of
+    /// samples when each pixel draws one. 1 well inside, less at the border, 0 out of reach.
+    #[must_use]
+    pub fn coverage(&self, raster: DVec2, crop: &Crop) -> f64 {
+        let (columns, rows) = self.reached(raster, crop);
+        let pixels = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
+        pixels.map(|(x, y)| self.weight(raster, x, y)).sum()
     }
 
     /// An offset drawn from the filter, `u` in [0,1)².

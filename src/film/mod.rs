@@ -224,12 +224,12 @@ impl Film {
             self.not_finite.fetch_add(1, Relaxed);
             return;
         }
-        let (columns, rows) = self.reached_by(raster);
+        let (columns, rows) = self.filter.reached(raster, &self.crop);
         let mut landed = 0.0;
         for y in rows {
             let mut row = None;
             for x in columns.clone() {
-                let weight = self.weight(raster, x, y);
+                let weight = self.filter.weight(raster, x, y);
                 if weight > 0.0 {
                     let row = row.get_or_insert_with(|| self.row(half, y));
                     if self.add_scaled(row, x, values, weight) {
@@ -246,30 +246,7 @@ impl Film {
     /// How much of a splat lands on the film: 1 well inside, less at the border, 0 out of reach.
     #[must_use]
     pub fn coverage(&self, raster: DVec2) -> f64 {
-        let (columns, rows) = self.reached_by(raster);
-        let pixels = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
-        pixels.map(|(x, y)| self.weight(raster, x, y)).sum()
-    }
-
-    /// The columns and rows in the filter's reach of a finite raster position.
-    fn reached_by(&self, raster: DVec2) -> (Range<u32>, Range<u32>) {
-        // pixels whose offset is in [-radius, radius): exactly one for the box
-        let reach = |raster: f64, first: u32, end: u32| {
-            let low = (raster - 0.5 - self.filter.radius()).floor() + 1.0;
-            let high = (raster - 0.5 + self.filter.radius()).floor() + 1.0;
-            // saturating casts: far positions give an empty range
-            (low.max(0.0) as u32).max(first)..(high.max(0.0) as u32).min(end)
-        };
-        (
-            reach(raster.x, self.crop.x0, self.crop.x1),
-            reach(raster.y, self.crop.y0, self.crop.y1),
-        )
-    }
-
-    /// The filter of a pixel at a raster position.
-    fn weight(&self, raster: DVec2, x: u32, y: u32) -> f64 {
-        let center = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
-        self.filter.eval(raster - center)
+        self.filter.coverage(raster, &self.crop)
     }
 
     /// The sums of a row of a half, for this thread alone.

@@ -202,7 +202,7 @@ fn totals_are_known_as_well_as_their_sources() {
     // what a splat of 1 adds to the total
     let landed = |film: &Film, raster: DVec2| -> f64 {
         let pixels = (0..128).map(|i| (i % 16, i / 16));
-        let weights = pixels.map(|(x, y)| film.weight(raster, x, y));
+        let weights = pixels.map(|(x, y)| film.filter().weight(raster, x, y));
         weights.zip(&measures).map(|(w, m)| w * m).sum()
     };
     // each sample lands elsewhere; odd passes bring what differs by the source alone
