@@ -6,7 +6,7 @@ use super::usage::bytes_text;
 use super::{CliError, Outcome, glass, print, summary, tell};
 use crate::camera::detector::Toward;
 use crate::geometry::{Shape, Shutter};
-use crate::integrator::aims;
+use crate::integrator::{aims, fans};
 use crate::io::loaded::{Loaded, load};
 use crate::render::OutputRequest;
 use crate::render::memory::{
@@ -83,6 +83,9 @@ fn chains(loaded: &Loaded) -> String {
         "chains\n  {all} kinds, {} more left out; {why}\n",
         scene.chains().left_out()
     );
+    if fans(settings, scene, 0) {
+        text += "  all wavelengths go on from matte surfaces and the sky behind dispersion\n";
+    }
     for (name, count) in kinds.iter().take(TOLD_CHAINS) {
         _ = writeln!(text, "  {count:>5}  {name}");
     }

@@ -67,6 +67,7 @@ impl<'a> Companion<'a> {
             skip_point_images: false,
             with_raw: self.job.with_raw,
             detailed: self.job.detailed,
+            fan: None,
             sampler: lead.sampler,
             counters: &mut *lead.counters,
             out,

@@ -10,4 +10,4 @@ pub use photons::PhotonTracer;
 pub use sample::{
     LightWalks, SensorJob, Workspace, sample_and_merge, sample_pixel, sample_primary,
 };
-pub use strategies::{aims, strategies};
+pub use strategies::{aims, fans, strategies};

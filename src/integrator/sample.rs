@@ -4,7 +4,7 @@
 //! Integrators differ only in which strategies they execute ([`StrategySet::samples`]) and so in
 //! which sub-paths they need; the walk, the connections and the weights are the same code.
 
-use super::{Companion, aims, strategies};
+use super::{Companion, aims, fans, strategies};
 use crate::bsdf::Side;
 use crate::film::Crop;
 use crate::geometry::{EndPoint, Placements, Ray};
@@ -13,6 +13,7 @@ use crate::scene::regularization::{Decision, Mode, decide};
 use crate::scene::settings::Sharing;
 use crate::scene::{Scene, Settings};
 use crate::spectrum::{LaneResponse, SampledSpectrum, SensorResponse};
+use crate::transport::aim::fan::FilmPoint;
 use crate::transport::aim::tries::Origin;
 use crate::transport::connect::{AimTally, Joiner, Photons, Receiver, Scratch};
 use crate::transport::context::{Held, SharedSample};
@@ -57,6 +58,8 @@ pub struct SensorJob<'a> {
     pub detailed: bool,
     /// Light sub-paths that are traced.
     pub light_walks: LightWalks,
+    /// The part of the film that is rendered.
+    crop: Crop,
     /// Detectors that the light sub-paths of this job fill as well.
     companions: Vec<Companion<'a>>,
     /// Their sensors, by index.
@@ -87,6 +90,7 @@ impl<'a> SensorJob<'a> {
             strategies.single = Some(rule);
         }
         strategies.aims = aims(settings, scene, sensor);
+        strategies.fans = lanes(scene, settings) > 1 && fans(settings, scene, sensor);
         strategies.bias_weight = settings.regularization.bias_weight;
         let heroes = match settings.merging.sharing {
             Sharing::Set if strategies.merge.is_some() => lanes(scene, settings) as u32,
@@ -101,6 +105,7 @@ impl<'a> SensorJob<'a> {
             with_raw,
             detailed: with_raw,
             light_walks: LightWalks::AsOften,
+            crop: *crop,
             companions: Vec::new(),
             companion_sensors: Vec::new(),
             paths_by_hero: paths_by_hero(crop, heroes),
@@ -406,6 +411,7 @@ fn sample(
         skip_point_images: !settings.show_point_lights && sensor.camera.is_delta(),
         with_raw: job.with_raw,
         detailed: job.detailed,
+        fan: camera.fan,
         sampler,
         counters,
         out: contributions,
@@ -452,6 +458,7 @@ fn sample(
             companion.join(&mut joiner, light, (x, y), out);
         }
     }
+    joiner.end_of_camera();
     joiner.sampler = sampler;
     if let (Some(map), Some(shared)) = (photons, &pass.shared) {
         let width = sensor.camera.resolution().width;
@@ -488,11 +495,41 @@ fn start_camera(
     let [u_film_x, u_film_y, u_lens_x, u_lens_y] = sampler.set(Draw::Film);
     let offset = sensor.filter.sample(DVec2::new(u_film_x, u_film_y));
     let raster = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) + offset;
-    let start = sensor
-        .camera
-        .sample_ray(raster, DVec2::new(u_lens_x, u_lens_y), context.moment());
+    let lens = DVec2::new(u_lens_x, u_lens_y);
+    let exposure = walk_from(
+        context,
+        job,
+        strategies,
+        path,
+        (raster, lens),
+        sampler,
+        counters,
+    );
+    (raster, exposure)
+}
+
+/// Traces the camera sub-path from a place on the film and one on the lens, by its numbers. The
+/// exposure of its point.
+fn walk_from(
+    context: &PathContext,
+    job: &SensorJob,
+    strategies: &StrategySet,
+    path: &mut Subpath,
+    (raster, u_lens): (DVec2, DVec2),
+    sampler: &Sampler,
+    counters: &mut Counters,
+) -> f64 {
+    let sensor = &job.scene.sensors[job.sensor];
+    let start = sensor.camera.sample_ray(raster, u_lens, context.moment());
     let exposure = context.scene.exposure(&start.xk);
     let weight = start.weight * exposure;
+    let density = |raster: DVec2| sensor.filter.coverage(raster, &job.crop);
+    let film = FilmPoint {
+        raster,
+        u_lens,
+        margin: sensor.filter.margin(),
+        density: &density,
+    };
     path.restart(start.xk, &sensor.stack, None, start.pdf_xk);
     if strategies.wants_camera_walk() {
         let eta2 = context.eta_squared(sensor.stack.medium());
@@ -510,6 +547,7 @@ fn start_camera(
                 generate: Side::Light,
                 max_vertices: job.max_depth() + 1,
                 specular_only: strategies.ends_at_first_rough(),
+                film: strategies.fans.then_some(film),
             },
             sampler,
             counters,
@@ -519,7 +557,7 @@ fn start_camera(
             },
         );
     }
-    (raster, exposure)
+    exposure
 }
 
 /// Number of light sub-paths of a sample, `expected` in the mean.
@@ -582,6 +620,7 @@ pub(super) fn start_light(
             generate: Side::Camera,
             max_vertices: max_depth,
             specular_only: false,
+            film: None,
         },
         sampler,
         counters,
@@ -597,3 +636,5 @@ pub(super) fn start_light(
 
 #[cfg(test)]
 mod definition;
+#[cfg(test)]
+mod fans;

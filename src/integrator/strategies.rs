@@ -33,6 +33,7 @@ pub fn strategies(
         single: None,
         bias_weight: 1.0,
         aims: Aims::NONE,
+        fans: false,
         tries: None,
         disabled: &settings.disabled,
     };
@@ -84,6 +85,20 @@ pub fn strategies(
         strategies.set_light_paths(settings.light_paths.unwrap_or(1.0));
     }
     strategies
+}
+
+/// Whether camera sub-paths go on with all wavelengths from the first rough vertex behind
+/// dispersion: by default in the sum of all strategies, where the way from the sensor is known to
+/// be open or not.
+#[must_use]
+pub fn fans(settings: &Settings, scene: &Scene, sensor: usize) -> bool {
+    let camera = &scene.sensors[sensor].camera.kind;
+    settings.aim == Aiming::Auto
+        && settings.integrator == IntegratorKind::Bdpt
+        && matches!(camera, CameraKind::Perspective(_))
+        && scene.media.iter().any(|medium| medium.ior.is_dispersive())
+        && !scene.has_coverage
+        && scene.sequences.is_none()
 }
 
 /// The chains that are solved for: none with merging. By default only in the sum of all strategies,

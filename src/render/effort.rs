@@ -269,8 +269,11 @@ impl Pilot<'_> {
                 for made in &workspace.contributions {
                     let brightness = response.brightness(&made.lanes);
                     let (region, by_light) = match made.target {
-                        Target::Splat(raster) => (self.regions.at(raster.x, raster.y), true),
-                        Target::OwnPixel => (region, made.s >= 2),
+                        Target::Splat(raster) if !made.beside => {
+                            (self.regions.at(raster.x, raster.y), true)
+                        }
+                        // other wavelengths of camera sub-paths land nearby
+                        _ => (region, made.s >= 2),
                     };
                     if !by_light {
                         *own += brightness / f64::from(PASSES);

@@ -238,6 +238,7 @@ pub fn choose(
                             weight: f64::from(aimed.weight).min(1.0),
                         }),
                         (None, Target::OwnPixel) => sample.own += value,
+                        (None, Target::Splat(_)) if made.beside => sample.own += value,
                         (None, Target::Splat(_)) => sample.splats.push((value, region)),
                     }
                 }

@@ -424,7 +424,7 @@ impl Pilot<'_> {
                     out.samples += 1;
                     let response = sample_pixel(job, &pass, pixel, self.response, workspace);
                     for made in &workspace.contributions {
-                        if made.target != Target::OwnPixel {
+                        if made.target != Target::OwnPixel && !made.beside {
                             continue;
                         }
                         let value = response.brightness(&made.lanes);

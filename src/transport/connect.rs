@@ -15,11 +15,13 @@ mod end;
 pub use at_photon::Photons;
 pub use end::Receiver;
 
+use super::aim::fan::Fan;
 use super::aim::trail::{Trail, bridges};
+use super::aim::{MAX_CHAIN, passage};
 use super::class::PathClass;
 use super::context::{Counters, PathContext};
 use super::contribution::{Aimed, Contribution, Target};
-use super::density::{Bridge, Column, PathView, VertexDensity};
+use super::density::{Bridge, Column, Fanned, PathView, VertexDensity};
 use super::mis::{
     Denominator, Multipliers, Technique, camera_share, denominator, serves_all_lanes,
 };
@@ -27,7 +29,7 @@ use super::strategies::StrategySet;
 use super::subpath::{Event, Subpath, Vertex};
 use crate::bsdf::Lobe;
 use crate::geometry::{DirectionalDensity, EndPoint, Ray};
-use crate::light::{HitMeasure, Light, LightId};
+use crate::light::{HitMeasure, Light, LightId, LightKind};
 use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
@@ -53,6 +55,8 @@ pub struct Joiner<'a> {
     /// Contributions have their class, and each photon that is merged gives one of its own; else
     /// one camera vertex gives one.
     pub detailed: bool,
+    /// Chains by which all wavelengths go to a vertex of the camera sub-path.
+    pub fan: Option<Fan>,
     /// Random numbers of the sample.
     pub sampler: Sampler<'a>,
     /// Counts.
@@ -79,6 +83,8 @@ pub struct Scratch {
     pub events: Vec<Event>,
     /// Cost of aims, by origin and kind; empty: not counted.
     pub tally: Vec<AimTally>,
+    /// Light that each lane has brought by its own chain to the sensor, if it is not the hero's.
+    beside: [f64; MAX_LANES],
 }
 
 /// Cost of the chains of one kind from one origin.
@@ -144,9 +150,10 @@ impl<'a> Joiner<'a> {
         segments: &[Ray],
         stack: &MediumStack,
     ) {
-        let mut aimed;
+        let mut seen;
         let mut view = &candidate.view;
         let mut scale = numerator.scale;
+        let mut alive = numerator.lanes;
         if let Some(held) = self.context.held {
             let vertex = |i| (view.label(i + 1), candidate.trail.surface(i + 1));
             if !held.sequence.holds(view.len().saturating_sub(2), vertex) {
@@ -154,6 +161,20 @@ impl<'a> Joiner<'a> {
             }
             scale *= held.weight;
         }
+        let opened = self.fan.filter(|fan| view.camera.len() >= fan.vertex + 2);
+        if self.strategies.fans && view.has_specular() {
+            seen = *view;
+            seen.fan = self.fanned(view, &candidate.trail, opened.as_ref());
+            match (&seen.fan, &opened) {
+                (Some(_), Some(fan)) => seen.raster = fan.raster,
+                // the path of a lane that is no hero's counts on nobody else
+                (None, Some(_)) => alive *= self.context.hero_lanes(),
+                _ => {}
+            }
+            view = &seen;
+        }
+        let beside = opened.filter(|_| view.fan.is_some());
+        let mut aimed;
         if self.strategies.aims.any() {
             aimed = *view;
             let (kind, trail) = (&self.light(aimed.emitter).kind, &candidate.trail);
@@ -194,7 +215,7 @@ impl<'a> Joiner<'a> {
         }
         let mut lanes = [0.0; MAX_LANES];
         for (j, lane) in lanes.iter_mut().enumerate().take(count) {
-            let value = scale * f64::from(numerator.lanes[j]);
+            let value = scale * f64::from(alive[j]);
             if value != 0.0 {
                 *lane = value * weights.factor(j);
             }
@@ -227,7 +248,13 @@ impl<'a> Joiner<'a> {
             let open = if let Some(open) = candidate.open {
                 open
             } else if candidate.bridge.is_some() {
-                self.chain_visibility(candidate.trail.chain, segments, stack)
+                passage::visibility(
+                    self.context,
+                    candidate.trail.chain,
+                    segments,
+                    stack,
+                    self.counters,
+                )
             } else {
                 let visibility = |ray| self.context.visibility(ray, stack, self.counters);
                 segments.iter().map(visibility).product()
@@ -243,7 +270,7 @@ impl<'a> Joiner<'a> {
         let events = self.note_events(view, &candidate.trail);
         let (raw, camera_share) = if self.with_raw {
             let shared = serves_all_lanes(view, view.dispersive_count(), made);
-            let value = |j| scale * f64::from(numerator.lanes[j]);
+            let value = |j| scale * f64::from(alive[j]) / weights.share_of(shared, j);
             let raw = self.raw(value, multipliers.plain(made), shared, survival);
             (raw, camera_share(&multipliers) as f32)
         } else {
@@ -252,7 +279,7 @@ impl<'a> Joiner<'a> {
         for lane in &mut lanes {
             *lane /= survival;
         }
-        self.out.push(Contribution {
+        let found = Contribution {
             target: candidate.target,
             lanes,
             raw,
@@ -264,6 +291,7 @@ impl<'a> Joiner<'a> {
                 None => multipliers.regularized(s) as u8,
             },
             merged: false,
+            beside: false,
             aimed: view
                 .made
                 .as_ref()
@@ -275,7 +303,82 @@ impl<'a> Joiner<'a> {
                 PathClass::default()
             },
             events,
+        };
+        match &beside {
+            Some(fan) => self.spread(fan, found),
+            None => self.out.push(found),
+        }
+    }
+
+    /// Chain of a path at its sensor, if that belongs to a fan: its lanes meet in a direction of
+    /// the environment, or at a vertex that sends light alike in all directions and is not itself
+    /// lit by way of what is specular, for bridges from the sensor make these.
+    fn fanned(&self, view: &PathView, trail: &Trail, opened: Option<&Fan>) -> Option<Fanned> {
+        let end = view.len() - 1;
+        let specular = |i: usize| (1..end).contains(&i) && view.is_specular(i);
+        let at = (1..end).rev().find(|&i| !specular(i));
+        let is_met = match at {
+            Some(at) => !specular(at - 1) && trail.is_lambertian(at),
+            // seen straight through, with nothing else that makes it
+            None => matches!(self.light(view.emitter).kind, LightKind::Environment(_)),
+        };
+        let at = at.unwrap_or(0);
+        let mut chain = at + 1..end;
+        let is_fan = is_met
+            && (1..=MAX_CHAIN).contains(&chain.len())
+            && chain.any(|i| view.is_dispersive(i));
+        let waves = &self.context.wavelengths;
+        let alone = |j: usize| waves.multiplicity(j) as f64 / waves.count() as f64;
+        is_fan.then(|| Fanned {
+            at,
+            shares: opened.map_or_else(
+                || std::array::from_fn(|j| if j < waves.count() { alone(j) } else { 1.0 }),
+                |fan| fan.shares,
+            ),
+        })
+    }
+
+    /// Records what lanes bring by chains of their own: the hero's to the pixel, others beside it.
+    fn spread(&mut self, fan: &Fan, found: Contribution) {
+        let hero = self.context.hero_lanes();
+        let only = |values: &[f64; MAX_LANES], is_kept: &dyn Fn(usize) -> bool| {
+            std::array::from_fn(|j| if is_kept(j) { values[j] } else { 0.0 })
+        };
+        for j in (0..self.context.count()).filter(|&j| hero[j] == 0.0) {
+            if self.detailed {
+                if found.lanes[j] != 0.0 || found.raw[j] != 0.0 {
+                    self.out.push(Contribution {
+                        target: Target::Splat(fan.rasters[j]),
+                        lanes: only(&found.lanes, &|k| k == j),
+                        raw: only(&found.raw, &|k| k == j),
+                        beside: true,
+                        ..found
+                    });
+                }
+            } else {
+                self.scratch.beside[j] += found.lanes[j];
+            }
+        }
+        self.out.push(Contribution {
+            lanes: only(&found.lanes, &|k| hero[k] != 0.0),
+            raw: only(&found.raw, &|k| hero[k] != 0.0),
+            ..found
         });
+    }
+
+    /// Records the sums of what lanes have brought beside the pixel.
+    pub fn end_of_camera(&mut self) {
+        let Some(fan) = &self.fan else { return };
+        for j in 0..self.context.count() {
+            let sum = std::mem::take(&mut self.scratch.beside[j]);
+            if sum != 0.0 {
+                let lanes = std::array::from_fn(|k| if k == j { sum } else { 0.0 });
+                self.out.push(Contribution {
+                    beside: true,
+                    ..Contribution::sum(Target::Splat(fan.rasters[j]), lanes)
+                });
+            }
+        }
     }
 
     /// Notes the scattering vertices of a path, where paths are told apart.
@@ -309,11 +412,12 @@ impl<'a> Joiner<'a> {
             waves.multiplicity(lane)
         };
         let power = |value| self.strategies.heuristic.power(value);
-        let term = power(multipliers.of(technique)) * heroes as f64;
+        let share = weights.share_of(heroes == self.context.count(), lane);
+        let term = power(multipliers.of(technique)) * heroes as f64 * share;
         Aimed {
             kind: made.kind,
             origin: made.origin,
-            weight: (term / (weights.shared + weights.own[lane])) as f32,
+            weight: (term / weights.sum(lane)) as f32,
         }
     }
 

@@ -47,6 +47,9 @@ pub struct Contribution {
     /// Made by photon merging: one vertex counts for both sides, s + t is one more than the
     /// vertices of the path.
     pub merged: bool,
+    /// Brought by a camera sub-path to where another wavelength than its hero's is seen; such sums
+    /// have no number of vertices where nothing is kept by class.
+    pub beside: bool,
     /// Chain solved for, between the `s` vertices from the light and the `t` from the sensor, if a
     /// bridge made this.
     pub aimed: Option<Aimed>,
@@ -60,6 +63,26 @@ pub struct Contribution {
 }
 
 impl Contribution {
+    /// Sum of several paths.
+    #[must_use]
+    pub fn sum(target: Target, lanes: [f64; MAX_LANES]) -> Self {
+        Self {
+            target,
+            lanes,
+            raw: [0.0; MAX_LANES],
+            camera_share: 0.0,
+            s: 0,
+            t: 0,
+            regularized: 0,
+            merged: false,
+            beside: false,
+            aimed: None,
+            emitter: LightId(0),
+            class: PathClass::default(),
+            events: [0; 2],
+        }
+    }
+
     /// Letter that sets techniques of the same (s, t) apart in names of layers: none for joins.
     #[must_use]
     pub fn mark(&self) -> &'static str {

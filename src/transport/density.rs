@@ -190,6 +190,16 @@ pub struct Bridge {
     pub origin: Origin,
 }
 
+/// The chain of specular vertices x_{at+1} … x_{n−2} of a path whose lanes each have their own
+/// ([`Fan`](super::aim::fan::Fan)): it disperses, and still all lanes go on from x_at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fanned {
+    /// Vertex where the lanes meet.
+    pub at: usize,
+    /// Factor by lane in place of 1, where lanes share one chain.
+    pub shares: Column,
+}
+
 /// A full path as the strategy that made it sees it: two sub-paths and the edge between them.
 #[derive(Clone, Copy, Debug)]
 pub struct PathView<'a> {
@@ -211,6 +221,8 @@ pub struct PathView<'a> {
     pub bridges: [Option<Bridge>; 2],
     /// The one of these that made the path; the edge is then the last one of its chain.
     pub made: Option<Bridge>,
+    /// Chain at the sensor, where lanes have their own.
+    pub fan: Option<Fanned>,
     /// The light of x₀.
     pub emitter: LightId,
     /// Where on the film the path is seen.
@@ -380,7 +392,7 @@ impl PathView<'_> {
         end > 1 && (1..end).all(|i| self.is_specular(i))
     }
 
-    /// Number of dispersive vertices.
+    /// Number of vertices that are dispersive in the sense of [`Self::is_dispersive`].
     #[must_use]
     pub fn dispersive_count(&self) -> usize {
         (0..self.len()).filter(|&i| self.is_dispersive(i)).count()
@@ -407,9 +419,12 @@ impl PathView<'_> {
         self.label(i).is_specular()
     }
 
-    /// Whether x_i is dispersive.
+    /// Whether x_i bends each lane its own way, and is met by the hero's alone.
     #[must_use]
     pub fn is_dispersive(&self, i: usize) -> bool {
+        if self.fan.is_some_and(|fan| i > fan.at) {
+            return false;
+        }
         let s = self.s();
         if i + 1 == s {
             self.edge.light_dispersive

@@ -18,7 +18,7 @@
 //! wavelength elsewhere. It splits the sum in two: `D_j = shared + own_j`.
 
 use super::class::PathClass;
-use super::density::{Bridge, PathView};
+use super::density::{Bridge, Column, PathView};
 use super::factors::FactorKey;
 use super::strategies::StrategySet;
 use crate::scene::settings::{Heuristic, SingleRule};
@@ -31,6 +31,9 @@ pub struct Denominator {
     pub shared: f64,
     /// Terms that only lanes of the same wavelength could have made.
     pub own: [f64; MAX_LANES],
+    /// Factors of the shared terms by lane, where lanes have chains of their own to the sensor;
+    /// else all are 1.
+    pub shares: Option<Column>,
     /// Factor on the contribution's numerator: the strategy's preference (1 unless it has a
     /// variance factor, or regularized strategies are weighted down or chosen among), times `m₁(s)`
     /// for the power heuristic.
@@ -45,7 +48,25 @@ impl Denominator {
             // not admitted; then no other strategy need be either
             return 0.0;
         }
-        self.numerator / (self.shared + self.own[j])
+        self.numerator / self.sum(j)
+    }
+
+    /// `D_j`.
+    #[must_use]
+    pub fn sum(&self, j: usize) -> f64 {
+        self.shared * self.share(j) + self.own[j]
+    }
+
+    /// Factor of a term of lane `j`, shared or of its own.
+    #[must_use]
+    pub fn share_of(&self, is_shared: bool, j: usize) -> f64 {
+        if is_shared { self.share(j) } else { 1.0 }
+    }
+
+    /// Factor of the shared terms of lane `j`.
+    #[must_use]
+    pub fn share(&self, j: usize) -> f64 {
+        self.shares.map_or(1.0, |shares| shares[j])
     }
 }
 
@@ -159,6 +180,11 @@ impl<'a> Multipliers<'a> {
             return out;
         }
         if strategies.cone.is_none() || !out.has_specular {
+            return out;
+        }
+        if path.fan.is_some() {
+            // walks make it, and the others know nothing of the chains of other lanes
+            out.admitted = Admitted::Unregularized;
             return out;
         }
         if path.bridges.iter().any(Option::is_some) {
@@ -547,7 +573,10 @@ fn terms(
     } else {
         0
     };
-    let mut out = Denominator::default();
+    let mut out = Denominator {
+        shares: path.fan.map(|fan| fan.shares),
+        ..Denominator::default()
+    };
     let count = wavelengths.count();
     if path.has_columns() {
         add_columns(multipliers, wavelengths, dispersive, scratch, &mut out);

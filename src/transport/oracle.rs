@@ -153,6 +153,7 @@ impl FullPath {
             hittable_light: self.hittable_light,
             bridges: self.bridges,
             made: self.made,
+            fan: None,
             emitter: self.emitter,
             raster: self.raster,
         })
@@ -254,6 +255,7 @@ fn every(disabled: &BTreeSet<(u32, u32)>) -> StrategySet<'_> {
         single: None,
         bias_weight: 1.0,
         aims: Aims::NONE,
+        fans: false,
         tries: None,
         disabled,
     }

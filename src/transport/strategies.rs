@@ -99,6 +99,8 @@ pub struct StrategySet<'a> {
     pub bias_weight: f64,
     /// Chains solved for.
     pub aims: Aims,
+    /// Camera sub-paths go on with all lanes from the first rough vertex behind dispersion.
+    pub fans: bool,
     /// How often each kind of them is tried; `None`: always.
     pub tries: Option<&'a Tries>,
     /// Strategies (s, t) that are never executed.

@@ -1,5 +1,6 @@
 //! Sub-paths: contiguous, reusable, complete enough to be joined by any strategy.
 
+use super::aim::fan::Fan;
 use super::context::PathContext;
 use super::density::{Column, EdgeDensity, NO_COLUMN, VertexDensity};
 use super::regularize::{Cone, SpecularKernel, specular_kernel};
@@ -41,6 +42,8 @@ pub struct Vertex {
     pub has_non_specular: bool,
     /// Some lobe is specular.
     pub has_specular: bool,
+    /// All lobes send light alike in all directions.
+    pub is_lambertian: bool,
 }
 
 // an upper bound on what a walk writes and a connection reads per vertex: four lines of cache
@@ -239,6 +242,10 @@ pub struct Subpath {
     pub sensor_hits: Vec<SensorHit>,
     /// Escape from the scene, if it left.
     pub escape: Option<Escape>,
+    /// Chains of all wavelengths to one of its vertices (camera sub-paths).
+    pub fan: Option<Fan>,
+    /// A buffer for lobes.
+    pub(super) spare: Vec<(f32, Lobe)>,
 }
 
 impl Default for Subpath {
@@ -256,6 +263,8 @@ impl Default for Subpath {
             light_hits: Vec::new(),
             sensor_hits: Vec::new(),
             escape: None,
+            fan: None,
+            spare: Vec::new(),
         }
     }
 }
@@ -282,6 +291,7 @@ impl Subpath {
         self.light_hits.clear();
         self.sensor_hits.clear();
         self.escape = None;
+        self.fan = None;
         self.densities.push(VertexDensity::new(pdf));
     }
 

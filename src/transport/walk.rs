@@ -4,6 +4,7 @@
 //! factor is the same for both, but for interpolated normals, whose correction always belongs to
 //! the light side.
 
+use super::aim::fan::{self, FilmPoint, Meeting};
 use super::context::{Counters, PathContext};
 use super::density::{Departure, EdgeDensity, VertexDensity};
 use super::subpath::{Escape, LightHit, SensorHit, Subpath, Vertex};
@@ -16,6 +17,7 @@ use crate::sampler::{Draw, Sampler};
 use crate::scene::Scene;
 use crate::scene::crossing::{cross_alone, resolve};
 use glam::DVec3;
+use std::mem;
 
 /// From how many vertices on a sub-path whose weight does not fall is killed now and then, so that
 /// every walk ends.
@@ -30,8 +32,8 @@ const ROULETTE_AFTER: usize = 2;
 const CAMERA_SURVIVAL: f64 = 2.0;
 
 /// Start of a walk.
-#[derive(Clone, Copy, Debug)]
-pub struct Start {
+#[derive(Clone, Copy)]
+pub struct Start<'a> {
     /// First ray.
     pub ray: Ray,
     /// The solids its origin is in.
@@ -48,6 +50,9 @@ pub struct Start {
     pub max_vertices: usize,
     /// Ends at the first vertex that scatters under a non-specular label.
     pub specular_only: bool,
+    /// Where on the film a camera walk is, if all its wavelengths go on from the first rough vertex
+    /// behind dispersion.
+    pub film: Option<FilmPoint<'a>>,
 }
 
 /// Where the lobes of a vertex are, and what is among them.
@@ -56,6 +61,7 @@ struct VertexLobes {
     count: u8,
     has_non_specular: bool,
     has_specular: bool,
+    is_lambertian: bool,
 }
 
 impl VertexLobes {
@@ -65,6 +71,9 @@ impl VertexLobes {
             count: lobes.len() as u8,
             has_non_specular: lobes.iter().any(|(_, lobe)| !lobe.is_specular()),
             has_specular: lobes.iter().any(|(_, lobe)| lobe.is_specular()),
+            is_lambertian: lobes
+                .iter()
+                .all(|(_, lobe)| matches!(lobe, Lobe::Diffuse(_))),
         }
     }
 }
@@ -93,6 +102,7 @@ pub fn walk(
         generate,
         max_vertices,
         specular_only,
+        mut film,
     } = start;
     let reference = throughput.max_lane(context.count());
     let keep = match generate {
@@ -106,6 +116,8 @@ pub fn walk(
     };
     let mut travel = Departure::Start(pdf);
     let mut roulette = 0.0;
+    // by dispersion
+    let mut bent = false;
     // distance passed since the last vertex, through surfaces that are none
     let mut passed = if infinite { f64::INFINITY } else { 0.0 };
     // what it is in, and what the surface it has come to leads into, where that is another stack
@@ -147,6 +159,15 @@ pub fn walk(
             let mut density = VertexDensity::new(own.hero);
             density.own_column = path.store_column(&own);
             path.densities.push(density);
+            if let Some(film) = &film
+                && bent
+            {
+                let mut spare = mem::take(&mut path.spare);
+                let met = Meeting::Escape(ray.d, medium);
+                path.fan = fan::open(context, (path, met), throughput, film, &mut spare, counters);
+                path.spare = spare;
+                throughput = path.fan.map_or(throughput, |fan| fan.throughput);
+            }
             path.escape = Some(Escape {
                 direction: ray.d,
                 medium,
@@ -290,6 +311,7 @@ pub fn walk(
                 count: 1,
                 has_non_specular: false,
                 has_specular: true,
+                is_lambertian: false,
             }
         } else {
             let first = path.lobes.len();
@@ -315,11 +337,24 @@ pub fn walk(
             lobes: lobes.count,
             has_non_specular: lobes.has_non_specular,
             has_specular: lobes.has_specular,
+            is_lambertian: lobes.is_lambertian,
         });
         let mut density = VertexDensity::new(own.hero);
         density.own_column = path.store_column(&own);
         density.length = distance as f32;
         path.densities.push(density);
+        if let Some(film) = &film
+            && bent
+            && lobes.is_lambertian
+        {
+            let mut spare = mem::take(&mut path.spare);
+            let met = Meeting::Vertex(&path.vertices[index]);
+            path.fan = fan::open(context, (path, met), throughput, film, &mut spare, counters);
+            path.spare = spare;
+            if let Some(fan) = &path.fan {
+                path.vertices[index].throughput = fan.throughput;
+            }
+        }
 
         // An end of the walk leaves its last vertex as an end point of connections.
         let vertex = &path.vertices[index];
@@ -354,6 +389,10 @@ pub fn walk(
         let density = &mut path.densities[index + 1];
         density.label = sample.label;
         density.dispersive = sample.dispersive;
+        bent |= sample.dispersive;
+        if !sample.label.is_specular() {
+            film = None;
+        }
         if specular_only && !sample.label.is_specular() {
             return;
         }

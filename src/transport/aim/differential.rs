@@ -35,11 +35,16 @@ impl Differential {
         }
     }
 
-    /// Scatters where the bounce is, at `place`, from the first index of `eta` to the second, into
-    /// unit `direction`.
-    pub fn scatter(&mut self, bounce: &Bounce, place: DVec3, eta: [f64; 2], direction: DVec3) {
+    /// Scatters where the bounce is, at `place` with its `normal`, from the first index of `eta` to
+    /// the second, into unit `direction`.
+    pub fn scatter(
+        &mut self,
+        bounce: &Bounce,
+        (place, normal): (DVec3, DVec3),
+        eta: [f64; 2],
+        direction: DVec3,
+    ) {
         let d = self.direction;
-        let normal = bounce.surface.normal(place);
         // against the ray
         let side = -d.dot(normal).signum();
         let n = normal * side;
@@ -71,13 +76,13 @@ pub fn jacobian(bounces: &[Bounce], points: &[DVec3], eta: &[f64], far: &Far, to
     let mut origin = to;
     for i in (0..m).rev() {
         let (p, bounce) = (points[i], &bounces[i]);
-        let normal = bounce.surface.face_normal(p);
+        let [normal, face] = bounce.surface.normals(p);
         let next = match i.checked_sub(1) {
             Some(before) => unit(p, points[before]),
             None => far.direction_from(p),
         };
-        ray.advance(origin.distance(p), normal);
-        ray.scatter(bounce, p, [eta[i + 1], eta[i]], next);
+        ray.advance(origin.distance(p), face);
+        ray.scatter(bounce, (p, normal), [eta[i + 1], eta[i]], next);
         origin = p;
     }
     let across = match *far {

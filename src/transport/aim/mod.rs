@@ -16,6 +16,8 @@ mod around;
 pub mod ball;
 pub mod circle;
 pub mod differential;
+pub mod fan;
+pub mod passage;
 pub mod placed;
 pub mod planes;
 pub mod quadric;
@@ -89,7 +91,7 @@ impl Bounce<'_> {
 
     /// Whether unit directions towards both neighbors are on the sides that the label says.
     fn has_sides(&self, p: DVec3, toward_light: DVec3, toward_sensor: DVec3) -> bool {
-        let normals = [self.surface.normal(p), self.surface.face_normal(p)];
+        let normals = self.surface.normals(p);
         let is_side = |w: DVec3, above: bool| {
             let is_there = |n: DVec3| {
                 if above {

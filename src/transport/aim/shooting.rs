@@ -21,6 +21,9 @@ const LONGEST: f64 = 0.5;
 const MOST_STARTS: usize = 2;
 /// Miss, as an angle, up to which a chain is one; and the largest of a step that ends the search.
 const TOLERANCE: f64 = 1e-10;
+/// Steps from one chain to another near it, and the miss, as an angle, with which it is one.
+const MOST_FOLLOWING: usize = 6;
+const NEAR: f64 = 1e-8;
 /// Chains that are as near as this, as angles at the sensor's end, are one.
 const SAME: f64 = 1e-6;
 
@@ -55,6 +58,72 @@ pub(super) fn solve(
             found(&points, &prims);
         }
     }
+}
+
+/// A chain that was found from another one near it.
+pub(super) struct Followed {
+    pub points: Points,
+    pub prims: Prims,
+    /// Direction at the sensor's end to which the first step led.
+    pub first: DVec3,
+    /// Solid angle there per area at the light's end, as `differential::jacobian` has it.
+    pub jacobian: f64,
+}
+
+/// A chain near another one: that at the indices `eta` which leaves the sensor's end near unit
+/// direction `start`, by Newton's method.
+pub(super) fn follow(
+    bounces: &[Bounce],
+    eta: &[f64],
+    far: &Far,
+    to: DVec3,
+    start: DVec3,
+) -> Option<Followed> {
+    let mut direction = start;
+    let mut first = None;
+    let mut off = f64::INFINITY;
+    for _ in 0..MOST_FOLLOWING {
+        let shot = shoot(bounces, eta, far, to, direction)?;
+        let miss = shot.miss.length();
+        // near a fold steps lead away
+        if miss >= off {
+            return None;
+        }
+        off = miss;
+        let stepped = stepped(direction, step(&shot)?);
+        let first = *first.get_or_insert(stepped);
+        if miss <= NEAR * shot.length {
+            let is_there = super::has_sides(bounces, (&shot.points, &shot.prims), far, to);
+            let [a, b] = shot.moves;
+            return is_there.then(|| Followed {
+                first,
+                // both are across the last segment
+                jacobian: 1.0 / a.cross(b).length(),
+                points: shot.points,
+                prims: shot.prims,
+            });
+        }
+        direction = stepped;
+    }
+    None
+}
+
+/// Where the first step from unit direction `start` leads.
+pub(super) fn first_step(
+    bounces: &[Bounce],
+    eta: &[f64],
+    far: &Far,
+    to: DVec3,
+    start: DVec3,
+) -> Option<DVec3> {
+    let shot = shoot(bounces, eta, far, to, start)?;
+    Some(stepped(start, step(&shot)?))
+}
+
+/// A direction after a small step of two angles.
+fn stepped(direction: DVec3, [x, y]: [f64; 2]) -> DVec3 {
+    let (u, v) = direction.any_orthonormal_pair();
+    (direction + u * x + v * y).normalize()
 }
 
 /// Directions at the sensor's end from which chains are looked for: those of the chains that a
@@ -196,12 +265,20 @@ fn shoot(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3, start: DVec3) ->
     let mut length = 0.0;
     for (i, bounce) in bounces.iter().enumerate().rev() {
         let above = bounce.to_above();
-        let is_left = (bounces.get(i + 1)).is_some_and(|b| b.surface == bounce.surface);
-        let left = prims.last().copied().filter(|_| is_left);
+        let is_mesh = matches!(bounce.surface, Surface::Mesh(_));
+        let is_left = || (bounces.get(i + 1)).is_some_and(|b| b.surface == bounce.surface);
+        let left = prims.last().copied().filter(|_| is_mesh && is_left());
         let (t, prim) = bounce.surface.meet(o, d, above, left)?;
-        let bounce = &bounce.at(prim);
+        // most surfaces are what they are, and no small thing to copy
+        let on_triangle;
+        let bounce = if is_mesh {
+            on_triangle = bounce.at(prim);
+            &on_triangle
+        } else {
+            bounce
+        };
         let p = bounce.surface.settle(o + d * t);
-        let (normal, face) = (bounce.surface.normal(p), bounce.surface.face_normal(p));
+        let [normal, face] = bounce.surface.normals(p);
         let n = if above { normal } else { -normal };
         let cos = -d.dot(n);
         if cos <= 0.0 {
@@ -222,7 +299,7 @@ fn shoot(bounces: &[Bounce], eta: &[f64], far: &Far, to: DVec3, start: DVec3) ->
             return None;
         }
         ray.advance(t, face);
-        ray.scatter(bounce, p, [eta[i + 1], eta[i]], next);
+        ray.scatter(bounce, (p, normal), [eta[i + 1], eta[i]], next);
         length += t;
         (o, d) = (p, next);
         points.push(p);

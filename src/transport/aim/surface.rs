@@ -71,6 +71,16 @@ impl Surface<'_> {
         }
     }
 
+    /// Both, that at which light is scattered first.
+    #[must_use]
+    pub fn normals(&self, p: DVec3) -> [DVec3; 2] {
+        let normal = self.normal(p);
+        match self {
+            Self::Triangle(triangle) => [normal, triangle.face_normal()],
+            _ => [normal; 2],
+        }
+    }
+
     /// Change of the normal for a step `dp` along the surface from `p`: the shape operator.
     #[must_use]
     pub fn turn(&self, p: DVec3, dp: DVec3) -> DVec3 {

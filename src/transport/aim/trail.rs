@@ -78,6 +78,17 @@ impl Trail<'_> {
         }
     }
 
+    /// Whether scattering vertex i sends light alike in all directions.
+    pub(in crate::transport) fn is_lambertian(&self, i: usize) -> bool {
+        let i = i - 1;
+        if let Some(vertex) = self.light.get(i) {
+            return vertex.is_lambertian;
+        }
+        let i = i - self.light.len();
+        i >= self.chain.len()
+            && self.camera[self.camera.len() - 1 - (i - self.chain.len())].is_lambertian
+    }
+
     /// The surface of scattering vertex i.
     pub(in crate::transport) fn surface(&self, i: usize) -> InstanceId {
         self.place(i).id.instance
@@ -115,20 +126,47 @@ pub type Placed<'s> = (
 #[must_use]
 pub fn place<'s>(context: &'s PathContext, kind: &[ChainLink], lane: usize) -> Option<Placed<'s>> {
     let index = |medium: MediumId| context.medium(medium).eta[lane];
-    let (mut bounces, mut eta) = (ArrayVec::new(), ArrayVec::new());
-    eta.push(index(kind.first()?.before()));
-    for link in kind {
+    let bounces = places(context, kind)?;
+    let first = index(kind.first()?.before());
+    let after = kind.iter().map(|link| index(link.after()));
+    let eta: ArrayVec<f64, { MAX_CHAIN + 1 }> = std::iter::once(first).chain(after).collect();
+    is_solvable(&bounces, &eta).then_some((bounces, eta))
+}
+
+/// Surfaces of a kind of chain at the moment of a path; `None` where one is out of round.
+#[must_use]
+pub fn places<'s>(
+    context: &'s PathContext,
+    kind: &[ChainLink],
+) -> Option<ArrayVec<Bounce<'s>, MAX_CHAIN>> {
+    let bounce = |link: &ChainLink| {
         let instance = context.scene.accel.instance(link.id.instance);
         let placement = instance.transform.at(context.moment());
         let facets = context.scene.chains().facets(link.id.instance);
-        bounces.push(Bounce {
+        Some(Bounce {
             surface: Surface::of(instance, facets, link.id, &placement)?,
             transmits: link.transmits,
             from_above: link.from_above,
-        });
-        eta.push(index(link.after()));
+        })
+    };
+    kind.iter().map(bounce).collect()
+}
+
+/// A vertex between two directions, not normalized, as a link of a chain.
+#[must_use]
+pub fn chain_link(
+    chains: &Chains,
+    place: &Place,
+    toward_light: DVec3,
+    toward_sensor: DVec3,
+) -> ChainLink {
+    let from_above = toward_light.dot(place.ng) > 0.0;
+    ChainLink {
+        id: chains.face(place.id),
+        transmits: (toward_sensor.dot(place.ng) > 0.0) != from_above,
+        from_above,
+        media: place.media,
     }
-    is_solvable(&bounces, &eta).then_some((bounces, eta))
 }
 
 /// Whether a chain bends each wavelength its own way.
@@ -198,7 +236,10 @@ pub fn bridges(
     let at_sensor = aims.sensor && last + 2 < n;
     let after_specular = specular(last - 1);
     let near = aims.sensor_everywhere || after_specular;
-    let wanted = |kind: &ChainKind| near || context.count() > 1 && is_dispersive(context, kind);
+    // where a camera sub-path brings all lanes, chains to the sensor have nothing to add
+    let has_fan = strategies.fans && trail.is_lambertian(last);
+    let wanted =
+        |kind: &ChainKind| near || context.count() > 1 && !has_fan && is_dispersive(context, kind);
     let by_camera = Origin::Vertex {
         at_sensor: false,
         first: (first + 1..n - 1).all(specular),
@@ -254,13 +295,7 @@ fn links(chains: &Chains, trail: &Trail, a: usize, b: usize) -> Option<ChainKind
             trail.position(i - 1) - place.p
         };
         let toward_sensor = trail.position(i + 1) - place.p;
-        let from_above = toward_light.dot(place.ng) > 0.0;
-        ChainLink {
-            id: chains.face(place.id),
-            transmits: (toward_sensor.dot(place.ng) > 0.0) != from_above,
-            from_above,
-            media: place.media,
-        }
+        chain_link(chains, &place, toward_light, toward_sensor)
     };
     Some((a + 1..b).map(link).collect())
 }

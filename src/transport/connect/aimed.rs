@@ -3,13 +3,13 @@
 mod reach;
 
 use super::{Candidate, Joiner, Numerator};
-use crate::geometry::{EndPoint, Face, Ray, SurfaceId};
+use crate::geometry::{EndPoint, Ray, SurfaceId};
 use crate::light::{LightId, LightKind};
 use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
 use crate::scene::chains::ChainKind;
-use crate::scene::crossing::resolve;
 use crate::spectrum::SampledSpectrum;
+use crate::transport::aim::passage::{self, Solved};
 use crate::transport::aim::surface::Surface;
 use crate::transport::aim::trail::{self, Place, Placed, Trail};
 use crate::transport::aim::tries::{Origin, Tries};
@@ -19,7 +19,6 @@ use crate::transport::density::{PathView, VertexDensity};
 use crate::transport::subpath::Subpath;
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
-use reach::Solved;
 
 /// Most chains of one kind between two ends: more have not been seen.
 const MOST_CHAINS: usize = 16;
@@ -164,7 +163,8 @@ impl<'a> Joiner<'a> {
         };
         let origin = origin(light, i, true);
         let everywhere = aims.sensor_everywhere || origin.is_needed();
-        if !self.aims_from(light, i, everywhere || self.context.count() > 1) {
+        let has_fan = self.strategies.fans && light.vertices[i].is_lambertian;
+        if !self.aims_from(light, i, everywhere || self.context.count() > 1 && !has_fan) {
             return;
         }
         let context = self.context;
@@ -284,8 +284,15 @@ impl<'a> Joiner<'a> {
             SensorEnd::Vertex(path, j) => path.vertices[j].p,
             SensorEnd::Sensor(x, _) => x.p,
         };
+        // of what is lit through chains, the sensor sees one wavelength through its own
+        let hero = match (&self.fan, &ends.sensor) {
+            (Some(fan), SensorEnd::Vertex(_, j)) if fan.vertex == *j => self.context.hero_lanes(),
+            _ => SampledSpectrum::ONE,
+        };
         for lane in 0..lanes {
-            let alive = |path: &Subpath, i: usize| path.vertices[i].throughput.lanes[lane] > 0.0;
+            let alive = |path: &Subpath, i: usize| {
+                path.vertices[i].throughput.lanes[lane] * hero[lane] > 0.0
+            };
             let dead = match (&ends.light, &ends.sensor) {
                 (LightEnd::Vertex(path, i), _) => !alive(path, *i),
                 (_, SensorEnd::Vertex(path, j)) => !alive(path, *j),
@@ -314,47 +321,6 @@ impl<'a> Joiner<'a> {
             }
         }
         counts
-    }
-
-    /// Transmittance of the segments of a chain, given from the sensor's side on, the first in the
-    /// solids of `stack`; 0 also where a vertex of the chain is not between the media it is solved
-    /// for.
-    pub(super) fn chain_visibility(
-        &mut self,
-        chain: &[Place],
-        segments: &[Ray],
-        stack: &MediumStack,
-    ) -> f64 {
-        let scene = self.context.scene;
-        let (mut open, mut stack) = (1.0, *stack);
-        for (i, ray) in segments.iter().enumerate() {
-            self.counters.shadow_rays += 1;
-            let (share, arrived) = scene.carry(ray, &stack);
-            open *= share;
-            if open == 0.0 {
-                return 0.0;
-            }
-            let (Some(next), Some(place)) = (segments.get(i + 1), chain.iter().rev().nth(i)) else {
-                break;
-            };
-            let face = Face {
-                point: place.surface_point(),
-                folded: false,
-            };
-            let Ok(crossing) = resolve(&scene.objects, &[face], &arrived, ray.d) else {
-                return 0.0;
-            };
-            let from_above = ray.d.dot(place.ng) < 0.0;
-            let behind = crossing.behind.unwrap_or(arrived);
-            let sides = [arrived.medium(), behind.medium()];
-            if sides != [usize::from(!from_above), usize::from(from_above)].map(|k| place.media[k])
-            {
-                return 0.0;
-            }
-            let transmits = (next.d.dot(place.ng) < 0.0) == from_above;
-            stack = if transmits { behind } else { arrived };
-        }
-        open
     }
 
     /// The contribution of one chain.
@@ -412,7 +378,13 @@ impl<'a> Joiner<'a> {
         let mut solved: ArrayVec<Solved, MAX_CHAIN> = ArrayVec::new();
         for (i, (link, bounce)) in kind.iter().zip(&on).enumerate() {
             let at = (faces[i], points[i]);
-            let (vertex, value) = self.solved(link, bounce, at, &segments[i..i + 2]);
+            let (vertex, value) = passage::solved(
+                context,
+                &mut self.scratch.lobes,
+                (link, bounce),
+                at,
+                &segments[i..i + 2],
+            );
             lanes *= value;
             lanes *= context
                 .medium(link.before())
@@ -486,6 +458,7 @@ impl<'a> Joiner<'a> {
                 hittable_light: self.is_hittable(Some(ends.start.id)),
                 bridges: [None; 2],
                 made: None,
+                fan: None,
                 emitter: ends.start.id,
                 raster: match at_sensor.target {
                     Target::OwnPixel => self.raster,

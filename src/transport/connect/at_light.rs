@@ -149,6 +149,7 @@ impl Joiner<'_> {
                 hittable_light: true,
                 bridges: [None; 2],
                 made: None,
+                fan: None,
                 emitter: id,
                 raster: self.raster,
             },

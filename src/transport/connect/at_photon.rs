@@ -28,18 +28,10 @@ pub struct Photons<'a> {
 /// Contribution of camera vertex `j` with photons of light sub-paths of any length.
 fn merged(lanes: [f64; MAX_LANES], j: usize) -> Contribution {
     Contribution {
-        target: Target::OwnPixel,
-        lanes,
-        raw: [0.0; MAX_LANES],
-        camera_share: 0.0,
-        s: 0,
         t: j as u32 + 2,
-        regularized: 0,
         merged: true,
-        aimed: None,
-        emitter: LightId(0),
         class: PathClass::new(),
-        events: [0; 2],
+        ..Contribution::sum(Target::OwnPixel, lanes)
     }
 }
 
@@ -169,6 +161,7 @@ impl Joiner<'_> {
             hittable_light: self.is_hittable(light.light),
             bridges: [None; 2],
             made: None,
+            fan: None,
             emitter: light.light.unwrap_or(LightId(0)),
             raster: self.raster,
         };

@@ -165,6 +165,7 @@ impl Joiner<'_> {
                 hittable_light: self.is_hittable(light.light),
                 bridges: [None; 2],
                 made: None,
+                fan: None,
                 emitter: id,
                 raster: hit.raster,
             },

@@ -363,6 +363,7 @@ impl Joiner<'_> {
                 hittable_light: light.hittable,
                 bridges: [None; 2],
                 made: None,
+                fan: None,
                 emitter: light.emitter,
                 raster: match camera.target {
                     Target::OwnPixel => self.raster,

@@ -3,14 +3,11 @@
 use super::super::Joiner;
 use super::super::end::{EndLabel, Receiver};
 use super::{Ends, LightEnd, SensorEnd, Start};
-use crate::bsdf::{Bsdf, Label};
+use crate::bsdf::Label;
 use crate::geometry::{EndPoint, SurfaceId};
 use crate::light::LightKind;
 use crate::medium::{MediumId, MediumStack};
-use crate::scene::chains::ChainLink;
-use crate::spectrum::SampledSpectrum;
-use crate::transport::aim::Bounce;
-use crate::transport::aim::trail::Place;
+use crate::transport::aim::passage::Solved;
 use crate::transport::contribution::Target;
 use crate::transport::density::{Column, Departure, Edge, EdgeDensity, NO_COLUMN, VertexDensity};
 use crate::transport::subpath::Subpath;
@@ -36,70 +33,7 @@ pub(super) struct Reached {
     pub own: f64,
 }
 
-/// A specular vertex that was solved for.
-pub(super) struct Solved {
-    pub place: Place,
-    pub label: Label,
-    pub dispersive: bool,
-    /// Probabilities of the label for ω⁻ and for ω⁺.
-    pub forward: f64,
-    pub backward: f64,
-}
-
 impl Joiner<'_> {
-    /// A specular vertex of a chain, on face `id` between its two segments, and its reflectance or
-    /// transmittance.
-    pub(super) fn solved(
-        &mut self,
-        link: &ChainLink,
-        bounce: &Bounce,
-        (id, p): (SurfaceId, DVec3),
-        segments: &[(DVec3, f64)],
-    ) -> (Solved, SampledSpectrum) {
-        let context = self.context;
-        let scene = context.scene;
-        let (ng, ns) = (bounce.surface.face_normal(p), bounce.surface.normal(p));
-        let interface = context.interface(link.media, link.id.instance);
-        let uv = scene.geometry.texture_coordinates(id, p);
-        self.scratch.lobes.clear();
-        scene
-            .material(scene.object(link.id.instance).material)
-            .push_lobes(
-                uv,
-                &context.wavelengths,
-                &interface,
-                &mut self.scratch.lobes,
-            );
-        let bsdf = Bsdf {
-            lobes: &self.scratch.lobes,
-            interface,
-        };
-        let label = if link.transmits {
-            Label::SpecularTransmit
-        } else {
-            Label::SpecularReflect
-        };
-        let local = |w: DVec3| {
-            let z = w.dot(ns);
-            DVec3::new((1.0 - z * z).max(0.0).sqrt(), 0.0, z)
-        };
-        let (w_light, w_sensor) = (local(-segments[0].0), local(segments[1].0));
-        let value = bsdf.specular(label, w_sensor.z.abs(), w_sensor.z > 0.0);
-        let vertex = Solved {
-            place: Place {
-                p,
-                ng,
-                id,
-                media: link.media,
-            },
-            label,
-            dispersive: link.transmits && interface.dispersive,
-            forward: bsdf.label_probability(label, w_light),
-            backward: bsdf.label_probability(label, w_sensor),
-        };
-        (vertex, value)
-    }
-
     /// The light's end, which the chain leaves in unit direction `w` over `length` to `p`.
     pub(super) fn reach_light(
         &self,
