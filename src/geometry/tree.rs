@@ -87,8 +87,9 @@ impl Child {
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
     pub(super) nodes: Vec<Node>,
-    /// Pending nodes a traversal may have.
+    /// Pending children a traversal may have, and nodes from the first to the deepest.
     pub(super) pending: usize,
+    pub(super) depth: usize,
     /// Middle of the bounds and 1 / the largest half side: the map to the frame of the tree.
     pub(super) center: DVec3,
     pub(super) inv_scale: f64,
@@ -318,19 +319,22 @@ fn step(exponent: u8) -> f32 {
     f32::from_bits(u32::from(exponent) << 23)
 }
 
-/// Most children pending at a time; children follow their parents.
-pub(super) fn pending(nodes: &[Node]) -> usize {
-    let mut most = vec![0u32; nodes.len()];
+/// Most children pending at a time, and nodes from the first to the deepest; children follow their
+/// parents.
+pub(super) fn pending(nodes: &[Node]) -> (usize, usize) {
+    let mut most = vec![(0u32, 0u32); nodes.len()];
     for (i, node) in nodes.iter().enumerate().rev() {
-        let (mut count, mut below) = (0u32, 0);
+        let (mut count, mut below, mut depth) = (0u32, 0, 0);
         for slot in (0..WIDTH).filter(|&slot| node.children[slot] != Node::UNUSED) {
             count += 1;
             let child = node.child(slot);
             if child.prims().is_none() {
-                below = below.max(most[child.index()]);
+                let of = most[child.index()];
+                (below, depth) = (below.max(of.0), depth.max(of.1));
             }
         }
-        most[i] = count.max(count.saturating_sub(1) + below);
+        most[i] = (count.max(count.saturating_sub(1) + below), depth + 1);
     }
-    most.first().map_or(0, |&n| n as usize)
+    let (pending, depth) = most.first().copied().unwrap_or_default();
+    (pending as usize, depth as usize)
 }

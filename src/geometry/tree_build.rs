@@ -52,6 +52,7 @@ impl Tree {
         Self {
             nodes: Vec::new(),
             pending: 0,
+            depth: 0,
             center: low + (high - low) / 2.0,
             inv_scale,
             reach: half * inv_scale + PADDING * 2.0,
@@ -59,7 +60,7 @@ impl Tree {
     }
 
     fn set(&mut self, nodes: Vec<Node>) {
-        self.pending = pending(&nodes);
+        (self.pending, self.depth) = pending(&nodes);
         self.nodes = nodes;
     }
 

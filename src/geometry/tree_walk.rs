@@ -8,10 +8,12 @@ use arrayvec::ArrayVec;
 use std::ops::Range;
 use wide::f32x8;
 
-/// Pending children that need no allocation (a million triangles: at most 60).
+/// Pending children that need no allocation (a million triangles: at most 84).
 const PENDING: usize = 96;
+/// Depth of trees whose pending nodes need none (a million triangles: 12).
+const DEEP: usize = 32;
 
-/// Children still to be visited, last in, first out.
+/// Children still to be visited, or nodes that have such, last in, first out.
 trait Stack<T> {
     fn push(&mut self, pending: T);
     fn pop(&mut self) -> Option<T>;
@@ -19,7 +21,7 @@ trait Stack<T> {
     fn last(&mut self, count: usize) -> &mut [T];
 }
 
-impl<T> Stack<T> for ArrayVec<T, PENDING> {
+impl<T, const N: usize> Stack<T> for ArrayVec<T, N> {
     #[inline(always)]
     fn push(&mut self, pending: T) {
         self.push(pending);
@@ -86,10 +88,10 @@ pub(super) trait Boxes: Copy {
         fetch: impl Fn(u32),
         mut hit: impl FnMut(Range<u32>) -> bool,
     ) -> bool {
-        if self.tree().pending > PENDING {
+        if self.tree().depth > DEEP {
             return self.any_in_deep_tree(entry, &mut hit);
         }
-        unordered(self, entry, ArrayVec::<u32, PENDING>::new(), fetch, hit)
+        unordered(self, entry, ArrayVec::<_, DEEP>::new(), fetch, hit)
     }
 
     /// Has the memory of a child fetched that will likely be visited, while nearer ones are: a walk
@@ -176,37 +178,51 @@ fn ordered(
     }
 }
 
-/// [`Boxes::any`] with room for what is pending.
+/// [`Boxes::any`] with room for nodes of which hits are pending.
+///
+/// A node is kept with the bits of its hits: a loop that puts one child after the other aside ends
+/// where no processor foretells it.
 #[inline(always)]
 fn unordered(
     boxes: impl Boxes,
     entry: &Entry,
-    mut pending: impl Stack<u32>,
+    mut pending: impl Stack<(u32, u32)>,
     fetch: impl Fn(u32),
     mut hit: impl FnMut(Range<u32>) -> bool,
 ) -> bool {
-    let mut child = Child::ROOT;
+    let nodes = boxes.tree().nodes.as_slice();
     let is_large = boxes.tree().is_large();
+    let mut index = 0;
+    let mut node = &nodes[0];
     loop {
-        if let Some(prims) = child.prims() {
+        let (mut hits, _) = boxes.hits(node, index, entry, entry.limit);
+        if is_large {
+            let mut rest = hits;
+            while let Some(slot) = take(&mut rest) {
+                boxes.fetch_child(node.child(slot), &fetch);
+            }
+        }
+        index = loop {
+            let Some(slot) = take(&mut hits) else {
+                let Some((above, rest)) = pending.pop() else {
+                    return false;
+                };
+                (index, hits) = (above as usize, rest);
+                node = &nodes[index];
+                continue;
+            };
+            let child = node.child(slot);
+            let Some(prims) = child.prims() else {
+                if hits != 0 {
+                    pending.push((index as u32, hits));
+                }
+                break child.index();
+            };
             if hit(prims) {
                 return true;
             }
-        } else {
-            let node = &boxes.tree().nodes[child.index()];
-            let (mut hits, _) = boxes.hits(node, child.index(), entry, entry.limit);
-            while let Some(slot) = take(&mut hits) {
-                let child = node.child(slot);
-                if is_large {
-                    boxes.fetch_child(child, &fetch);
-                }
-                pending.push(child.number());
-            }
-        }
-        let Some(next) = pending.pop() else {
-            return false;
         };
-        child = Child::of(next);
+        node = &nodes[index];
     }
 }
 
@@ -246,5 +262,71 @@ fn sort_last(numbers: &mut [u64]) {
             break;
         }
         numbers.swap(at - 1, at);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hash::{random_bits, unit_f64};
+    use glam::DVec3;
+
+    #[test]
+    fn any_search_visits_the_leaves_on_the_way_until_one_holds() {
+        let mut counter = 0;
+        let mut random = || {
+            counter += 1;
+            unit_f64(random_bits(11, counter)) * 2.0 - 1.0
+        };
+        let mut point = || DVec3::new(random(), random(), random());
+        let boxes: Vec<_> = (0..40_000)
+            .map(|_| (point(), point().abs() * 0.05))
+            .map(|(low, size)| (low, low + size))
+            .collect();
+        let (tree, _) = Tree::build(boxes.len(), 3, |i| boxes[i]);
+        assert!(tree.is_large() && tree.depth <= DEEP && tree.pending <= PENDING);
+        for _ in 0..200 {
+            let from = point();
+            let entry = tree
+                .enter(from, point() - from, 1.0)
+                .expect("starts inside");
+            let starts = |search: &dyn Fn(&mut dyn FnMut(Range<u32>))| {
+                let mut starts = Vec::new();
+                search(&mut |run| starts.push(run.start));
+                starts.sort_unstable();
+                starts
+            };
+            let any = |hit: &mut dyn FnMut(Range<u32>) -> bool| (&tree).any(&entry, |_| (), hit);
+            let deep = |hit: &mut dyn FnMut(_) -> bool| (&tree).any_in_deep_tree(&entry, hit);
+            let met = starts(&|met| {
+                (&tree).closest(
+                    &entry,
+                    |_| (),
+                    |run| {
+                        met(run);
+                        None
+                    },
+                );
+            });
+            for search in [
+                &any as &dyn Fn(&mut dyn FnMut(Range<u32>) -> bool) -> bool,
+                &deep,
+            ] {
+                let all = starts(&|met| {
+                    let none = |run| {
+                        met(run);
+                        false
+                    };
+                    assert!(!search(&mut { none }));
+                });
+                assert_eq!(all, met);
+                let mut left = met.len() / 2;
+                let mut last = |_| {
+                    left -= 1;
+                    left == 0
+                };
+                assert!(met.len() < 2 || search(&mut last) && left == 0);
+            }
+        }
     }
 }
