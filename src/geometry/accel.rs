@@ -21,6 +21,8 @@ pub struct Accel {
     center: DVec3,
     radius: f64,
     pub(super) gaps: Gaps,
+    /// Whether any shape has searches that had better take turns.
+    pub(super) takes_turns: bool,
 }
 
 /// All instances of a scene at one moment.
@@ -61,6 +63,7 @@ impl Accel {
         });
         Self {
             gaps: Gaps::new(&instances),
+            takes_turns: instances.iter().any(|i| i.shape.takes_turns()),
             instances,
             top,
             center,
@@ -313,19 +316,24 @@ impl<'a> AccelAt<'a> {
                 if !visible(instance) {
                     return false;
                 }
-                let Instance { shape, transform } = self.accel.instance(instance);
-                let time = self.moment.time();
-                let is_hit = transform.with(self.moment, |Placement { to_object, .. }| {
-                    let local = |extent| LocalRay::new(ray, instance, to_object, ray.t_max, extent);
-                    match shape {
-                        Shape::Mesh(mesh) => mesh.occluded(&local(mesh.extent()), time),
-                        Shape::Deforming(mesh) => mesh.occluded(&local(mesh.extent()), time),
-                        _ => shape.analytic_hit(ray.ends_on(instance), local).is_some(),
-                    }
-                });
-                is_hit && stops(instance)
+                self.is_hit(ray, instance) && stops(instance)
             },
         )
+    }
+
+    /// Whether an instance is hit.
+    #[inline(always)]
+    pub(super) fn is_hit(&self, ray: &Ray, id: InstanceId) -> bool {
+        let Instance { shape, transform } = self.accel.instance(id);
+        let time = self.moment.time();
+        transform.with(self.moment, |Placement { to_object, .. }| {
+            let local = |extent| LocalRay::new(ray, id, to_object, ray.t_max, extent);
+            match shape {
+                Shape::Mesh(mesh) => mesh.occluded(&local(mesh.extent()), time),
+                Shape::Deforming(mesh) => mesh.occluded(&local(mesh.extent()), time),
+                _ => shape.analytic_hit(ray.ends_on(id), local).is_some(),
+            }
+        })
     }
 
     /// Derivatives of the position by the texture coordinates at a surface point, in world space;

@@ -13,6 +13,7 @@ use super::ray::LocalRay;
 use super::shape::Shape;
 use super::shutter::Shutter;
 use super::tree;
+use super::tree_walk::Steps;
 use super::triangles::{Triangle, Triangles};
 use super::{InstanceId, Mesh, Ray};
 use crate::math::hash::{random_bits, unit_f64};
@@ -271,6 +272,11 @@ impl Corners for Keyed {
         let segment = |s: &Segment| s.tree.bytes() + 4 * s.order.len();
         let segments: usize = self.segments.iter().map(segment).sum();
         self.keys.iter().map(key).sum::<usize>() + segments
+    }
+
+    #[inline]
+    fn takes_turns(&self) -> bool {
+        self.segments.iter().all(|s| Steps::pay(&s.tree.tree))
     }
 }
 

@@ -9,7 +9,7 @@
 use super::ray::LocalRay;
 use super::shape::LocalPoint;
 use super::tree::Entry;
-use super::tree_walk::Boxes;
+use super::tree_walk::{Boxes, Steps};
 use super::triangles::Triangle;
 use crate::math::distribution::AliasTable;
 use crate::math::predicates::{TriangleFilter, TriangleHit, TriangleRay};
@@ -36,6 +36,9 @@ pub(super) trait Corners {
 
     /// Memory held, in bytes.
     fn bytes(&self) -> usize;
+
+    /// Whether searches of the triangles had better take turns ([`Steps::pay`]).
+    fn takes_turns(&self) -> bool;
 }
 
 /// Corners of the triangles of a mesh at one moment.
@@ -220,6 +223,12 @@ impl<C: Corners> TriangleMesh<C> {
         self.extent
     }
 
+    /// Whether searches had better take turns.
+    #[inline]
+    pub(super) fn takes_turns(&self) -> bool {
+        self.corners.takes_turns()
+    }
+
     /// Ray and filter for tests of triangles by a ray that enters the tree.
     #[inline(always)]
     fn prepare(&self, ray: &LocalRay, entry: &Entry) -> (TriangleRay, TriangleFilter) {
@@ -278,6 +287,21 @@ impl<C: Corners> TriangleMesh<C> {
         let fetch = |leaf| corners.fetch(leaf);
         boxes.any(&entry, fetch, |mut leaves| {
             leaves.any(|leaf| hit(corners, ray, &prepared, corners.prim(leaf), ray.t_max).is_some())
+        })
+    }
+
+    /// The same search, before its first step; `None` where the ray misses the bounds.
+    #[inline]
+    pub(super) fn start<'a>(&'a self, ray: LocalRay<'a>, time: f64) -> Option<Underway<'a, C>> {
+        let corners = self.corners.at(time);
+        let entry = corners.boxes().tree().enter(ray.o, ray.d, ray.t_max)?;
+        let prepared = self.prepare(&ray, &entry);
+        Some(Underway {
+            corners,
+            ray,
+            entry,
+            prepared,
+            steps: Steps::new(),
         })
     }
 
@@ -374,6 +398,34 @@ impl<C: Corners> TriangleMesh<C> {
             (b - a).cross(c - a).length() / 2.0
         };
         (0..self.corners.len() as u32).map(area).sum()
+    }
+}
+
+/// A search for any triangle that a ray hits, taken step by step.
+pub(super) struct Underway<'a, C: Corners + 'a> {
+    corners: C::At<'a>,
+    ray: LocalRay<'a>,
+    entry: Entry,
+    prepared: (TriangleRay, TriangleFilter),
+    steps: Steps,
+}
+
+impl<C: Corners> Underway<'_, C> {
+    /// Takes a step. Whether any triangle is hit, once that is known.
+    #[inline(always)]
+    pub fn step(&mut self) -> Option<bool> {
+        let Self {
+            corners,
+            ray,
+            entry,
+            prepared,
+            steps,
+        } = self;
+        let corners = *corners;
+        let fetch = |leaf| corners.fetch(leaf);
+        steps.step(corners.boxes(), entry, fetch, |mut leaves| {
+            leaves.any(|leaf| hit(corners, ray, prepared, corners.prim(leaf), ray.t_max).is_some())
+        })
     }
 }
 

@@ -6,6 +6,7 @@
 pub mod accel;
 mod analytic;
 pub mod area;
+mod batch;
 pub mod coincident;
 pub mod contact;
 pub mod deforming;

@@ -135,6 +135,18 @@ impl Transform {
         })
     }
 
+    /// The placement at a moment, where it is kept as long as that.
+    #[inline]
+    pub(super) fn lasting<'a>(&'a self, moment: Moment<'a>) -> Option<&'a Placement> {
+        match self {
+            Self::Static(placement) => Some(placement),
+            Self::Moving(motion) => match motion.placement(moment) {
+                Cow::Borrowed(placement) => Some(placement),
+                Cow::Owned(_) => None,
+            },
+        }
+    }
+
     /// Gives a thing that moves the next number, by which moments remember its placement.
     pub fn enumerate(&mut self, next: &mut usize) {
         if let Self::Moving(motion) = self {

@@ -49,6 +49,16 @@ pub(super) struct LocalPoint {
 }
 
 impl Shape {
+    /// Whether it is a mesh so large that searches had better take turns.
+    #[inline]
+    pub(super) fn takes_turns(&self) -> bool {
+        match self {
+            Self::Mesh(mesh) => mesh.takes_turns(),
+            Self::Deforming(mesh) => mesh.takes_turns(),
+            _ => false,
+        }
+    }
+
     /// Name in messages.
     #[must_use]
     pub fn name(&self) -> &'static str {

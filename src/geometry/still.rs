@@ -4,6 +4,7 @@ use super::mesh::{self, Attributes, Corners, CornersAt, MeshError, TriangleMesh}
 use super::mesh::{bounds, check, vec, winding_normal};
 use super::ray::LocalRay;
 use super::tree::{self, Tree};
+use super::tree_walk::Steps;
 use super::triangles::{Triangle, Triangles};
 use super::{InstanceId, Placement, Ray};
 use crate::math::predicates::TriangleFilter;
@@ -43,6 +44,11 @@ impl Corners for Still {
     fn bytes(&self) -> usize {
         let normals = self.normals.as_ref().map_or(0, Vec::len);
         self.triangles.bytes() + 12 * normals + self.tree.bytes()
+    }
+
+    #[inline]
+    fn takes_turns(&self) -> bool {
+        Steps::pay(&self.tree)
     }
 }
 

@@ -12,6 +12,9 @@ use wide::f32x8;
 const PENDING: usize = 96;
 /// Depth of trees whose pending nodes need none (a million triangles: 12).
 const DEEP: usize = 32;
+/// Nodes of a tree from which on searches had better take turns: a mesh of 250,000 triangles, more
+/// than the caches of a core hold. Tests have small meshes.
+const TURNS: usize = if cfg!(test) { 2 } else { 1 << 14 };
 
 /// Children still to be visited, or nodes that have such, last in, first out.
 trait Stack<T> {
@@ -226,6 +229,63 @@ fn unordered(
     }
 }
 
+/// A search for any hit that is taken step by step.
+pub(super) struct Steps {
+    child: Child,
+    pending: ArrayVec<(u32, u32), DEEP>,
+}
+
+impl Steps {
+    /// Whether searches that take turns pay, and have room.
+    #[inline]
+    pub fn pay(tree: &Tree) -> bool {
+        tree.nodes.len() >= TURNS && tree.depth <= DEEP
+    }
+
+    /// Before the first step through a tree for which [`Steps::pay`] holds.
+    pub fn new() -> Self {
+        Self {
+            child: Child::ROOT,
+            pending: ArrayVec::new(),
+        }
+    }
+
+    /// Visits a node, or a run of boxes for which `hit` may hold, and has what comes next fetched.
+    /// Whether it holds for any, once that is known.
+    #[inline(always)]
+    pub fn step(
+        &mut self,
+        boxes: impl Boxes,
+        entry: &Entry,
+        fetch: impl Fn(u32),
+        hit: impl FnOnce(Range<u32>) -> bool,
+    ) -> Option<bool> {
+        let nodes = boxes.tree().nodes.as_slice();
+        if let Some(prims) = self.child.prims() {
+            if hit(prims) {
+                return Some(true);
+            }
+        } else {
+            let index = self.child.index();
+            let (hits, _) = boxes.hits(&nodes[index], index, entry, entry.limit);
+            if hits != 0 {
+                self.pending.push((index as u32, hits));
+            }
+        }
+        let Some((index, hits)) = self.pending.last_mut() else {
+            return Some(false);
+        };
+        let slot = hits.trailing_zeros() as usize % WIDTH;
+        *hits &= *hits - 1;
+        self.child = nodes[*index as usize].child(slot);
+        if *hits == 0 {
+            self.pending.pop();
+        }
+        boxes.fetch_child(self.child, fetch);
+        None
+    }
+}
+
 impl Boxes for &Tree {
     #[inline(always)]
     fn tree(&self) -> &Tree {
@@ -271,6 +331,8 @@ mod tests {
     use crate::math::hash::{random_bits, unit_f64};
     use glam::DVec3;
 
+    type Hit<'a> = &'a mut dyn FnMut(Range<u32>) -> bool;
+
     #[test]
     fn any_search_visits_the_leaves_on_the_way_until_one_holds() {
         let mut counter = 0;
@@ -284,7 +346,12 @@ mod tests {
             .map(|(low, size)| (low, low + size))
             .collect();
         let (tree, _) = Tree::build(boxes.len(), 3, |i| boxes[i]);
-        assert!(tree.is_large() && tree.depth <= DEEP && tree.pending <= PENDING);
+        assert!(tree.is_large() && Steps::pay(&tree) && tree.pending <= PENDING);
+        let depth = DEEP + 1;
+        assert!(!Steps::pay(&Tree {
+            depth,
+            ..tree.clone()
+        }));
         for _ in 0..200 {
             let from = point();
             let entry = tree
@@ -296,8 +363,17 @@ mod tests {
                 starts.sort_unstable();
                 starts
             };
-            let any = |hit: &mut dyn FnMut(Range<u32>) -> bool| (&tree).any(&entry, |_| (), hit);
-            let deep = |hit: &mut dyn FnMut(_) -> bool| (&tree).any_in_deep_tree(&entry, hit);
+            let any = |hit: Hit| (&tree).any(&entry, |_| (), hit);
+            let deep = |hit: Hit| (&tree).any_in_deep_tree(&entry, hit);
+            let by_steps = |hit: Hit| {
+                let mut steps = Steps::new();
+                loop {
+                    if let Some(found) = steps.step(&tree, &entry, |_| (), &mut *hit) {
+                        return found;
+                    }
+                }
+            };
+            let searches: [&dyn Fn(Hit) -> bool; 3] = [&any, &deep, &by_steps];
             let met = starts(&|met| {
                 (&tree).closest(
                     &entry,
@@ -308,10 +384,7 @@ mod tests {
                     },
                 );
             });
-            for search in [
-                &any as &dyn Fn(&mut dyn FnMut(Range<u32>) -> bool) -> bool,
-                &deep,
-            ] {
+            for search in searches {
                 let all = starts(&|met| {
                     let none = |run| {
                         met(run);
