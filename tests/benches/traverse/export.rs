@@ -7,7 +7,7 @@
 //! Counts and indices are u32, all else is f32.
 
 use super::scenes::Scene;
-use super::sets::Timed;
+use super::sets::Set;
 use std::io;
 use std::path::Path;
 
@@ -41,11 +41,11 @@ pub fn scene(path: &Path, scene: &Scene) -> io::Result<()> {
     std::fs::write(path, out.0)
 }
 
-/// Writes rays.
-pub fn rays(path: &Path, rays: &[Timed]) -> io::Result<()> {
+/// Writes the rays of a set.
+pub fn rays(path: &Path, set: &Set) -> io::Result<()> {
     let mut out = Numbers::default();
-    out.count(rays.len());
-    for (time, ray) in rays {
+    out.count(set.rays.len());
+    for (ray, time) in set.rays.iter().zip(&set.times) {
         let clear = |is_surface: bool| if is_surface { CLEARANCE } else { 0.0 };
         let near = clear(ray.start.is_some());
         let far = ray.t_max - clear(ray.end.is_some());

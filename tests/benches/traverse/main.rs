@@ -33,7 +33,7 @@ const SCENES: [fn() -> Scene; 6] = [
 /// Hits of a set and the CPU time it took, in seconds.
 fn measure(scene: &Scene, set: &Set, query: Query) -> (usize, f64) {
     let start = ThreadTime::now();
-    let hits = hits(scene, &set.rays, query);
+    let hits = hits(scene, set, query);
     (hits, start.elapsed().as_secs_f64())
 }
 
@@ -78,7 +78,7 @@ fn write_files(folder: &Path) -> io::Result<()> {
         export::scene(&folder.join(format!("{}.scene", scene.name)), &scene)?;
         for set in sets::of(&scene) {
             let name = format!("{}-{}.rays", scene.name, set.name);
-            export::rays(&folder.join(name), &set.rays)?;
+            export::rays(&folder.join(name), &set)?;
         }
     }
     Ok(())

@@ -10,13 +10,11 @@ const RAYS: usize = 100_000;
 /// Rays of one moment in a scene that moves, like those of a path.
 const PATH: usize = 8;
 
-/// A ray and its time, in seconds.
-pub type Timed = (f64, Ray);
-
-/// Rays through a scene.
+/// Rays through a scene, and the time of each in seconds.
 pub struct Set {
     pub name: &'static str,
-    pub rays: Vec<Timed>,
+    pub rays: Vec<Ray>,
+    pub times: Vec<f64>,
 }
 
 /// Question about a ray.
@@ -26,40 +24,61 @@ pub enum Query {
     Closest,
     /// Whether there is any.
     Occluded,
+    /// The same, of as many rays at once, in the order of the set: 8, as a sample may have that
+    /// joins two sub-paths, or 32, as several samples have.
+    Batched(usize),
 }
 
 impl Query {
-    pub const ALL: [Self; 2] = [Self::Closest, Self::Occluded];
+    pub const ALL: [Self; 4] = [
+        Self::Closest,
+        Self::Occluded,
+        Self::Batched(8),
+        Self::Batched(32),
+    ];
 
-    pub fn name(self) -> &'static str {
+    pub fn name(self) -> String {
         match self {
-            Self::Closest => "closest",
-            Self::Occluded => "occluded",
+            Self::Closest => "closest".into(),
+            Self::Occluded => "occluded".into(),
+            Self::Batched(size) => format!("batched{size}"),
         }
     }
 }
 
 /// Asks about each ray; the number of those that hit.
-pub fn hits(scene: &Scene, rays: &[Timed], query: Query) -> usize {
+pub fn hits(scene: &Scene, set: &Set, query: Query) -> usize {
     let mut placements = Placements::default();
-    let (mut count, mut time) = (0, 0.0);
-    let mut accel = scene.accel.at(placements.at(time, 0));
-    for (at, ray) in rays {
-        if *at != time {
-            time = *at;
-            accel = scene.accel.at(placements.at(time, 0));
-        }
-        let is_hit = match query {
+    let (mut count, mut first) = (0, 0);
+    let mut occluded = Vec::new();
+    for times in set.times.chunk_by(|a, b| a == b) {
+        let accel = scene.accel.at(placements.at(times[0], 0));
+        let rays = &set.rays[first..][..times.len()];
+        first += times.len();
+        let is_hit = |ray| match query {
             Query::Closest => accel.closest(black_box(ray), |_| true).is_some(),
-            Query::Occluded => accel.occluded(black_box(ray), |_| true),
+            _ => accel.occluded(black_box(ray), |_| true),
         };
-        count += usize::from(is_hit);
+        if let Query::Batched(size) = query {
+            for batch in rays.chunks(size) {
+                occluded.resize(batch.len(), false);
+                accel.occluded_each(black_box(batch), |_| true, &mut occluded);
+                count += occluded.iter().filter(|&&is_hit| is_hit).count();
+            }
+        } else {
+            count += rays.iter().filter(|&ray| is_hit(ray)).count();
+        }
     }
     count
 }
 
-fn still(rays: impl Iterator<Item = Ray>) -> Vec<Timed> {
-    rays.map(|ray| (0.0, ray)).collect()
+impl Set {
+    /// Rays of one moment.
+    fn still(name: &'static str, rays: impl Iterator<Item = Ray>) -> Self {
+        let rays: Vec<_> = rays.collect();
+        let times = vec![0.0; rays.len()];
+        Self { name, rays, times }
+    }
 }
 
 /// Points of the instances, each instance as often, uniform over its area.
@@ -86,10 +105,7 @@ fn bounces(scene: &Scene) -> Set {
         let d = (p.ng + on_sphere(next(), next())).normalize();
         Ray::leaving(p.p, d, Some(p.id))
     });
-    Set {
-        name: "bounces",
-        rays: still(rays),
-    }
+    Set::still("bounces", rays)
 }
 
 /// Segments between two points of surfaces that face one another, in no order.
@@ -106,10 +122,7 @@ fn pairs(scene: &Scene) -> Set {
         }
     };
     let rays = (0..RAYS).map(|_| ray());
-    Set {
-        name: "pairs",
-        rays: still(rays),
-    }
+    Set::still("pairs", rays)
 }
 
 /// Segments between random points of surfaces and a lamp that is no part of the scene, where the
@@ -128,10 +141,7 @@ fn shadows(scene: &Scene) -> Set {
         }
     };
     let rays = (0..RAYS).map(|_| ray());
-    Set {
-        name: "shadows",
-        rays: still(rays),
-    }
+    Set::still("shadows", rays)
 }
 
 /// Between random points of a sphere.
@@ -144,11 +154,13 @@ fn chords(center: DVec3, radius: f64, moments: bool) -> Set {
         }
         let mut point = || center + on_sphere(next(), next()) * radius;
         let (a, b) = (point(), point());
-        (time, Ray::new(a, (b - a).normalize()))
+        (Ray::new(a, (b - a).normalize()), time)
     });
+    let (rays, times) = rays.unzip();
     Set {
         name: "chords",
-        rays: rays.collect(),
+        rays,
+        times,
     }
 }
 
@@ -160,10 +172,7 @@ fn camera(eye: DVec3, center: DVec3, half: f64) -> Set {
         let target = center + dvec3(at(i % side), at(i / side), 0.0);
         Ray::new(eye, (target - eye).normalize())
     });
-    Set {
-        name: "camera",
-        rays: still(rays),
-    }
+    Set::still("camera", rays)
 }
 
 /// Through the front of a lens, slightly inclined.
@@ -178,10 +187,7 @@ fn pupil() -> Set {
         let to = dvec3(0.012 * (next() - 0.5), 0.012 * (next() - 0.5), 0.04);
         Ray::new(from, (to - from).normalize())
     });
-    Set {
-        name: "pupil",
-        rays: still(rays),
-    }
+    Set::still("pupil", rays)
 }
 
 /// All sets of a scene.

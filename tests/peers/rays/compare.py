@@ -2,13 +2,15 @@
 """Rays per CPU second of abbe and of Embree, the same rays in turn on one thread; prints medians of the ratio.
 
     apt install libembree-dev                     # Embree 3, and a C++ compiler
-    python3 tests/peers/rays/compare.py [--rounds 21] [--only TEXT] [--base PROGRAM] [--markdown]
+    python3 tests/peers/rays/compare.py [--rounds 21] [--only TEXT] [--base PROGRAM] [--streams] [--markdown]
 
 Builds `cargo bench --bench traverse`, has it write its scenes and rays to target/peers/rays, builds `embree.cpp` against the
 library of the system and asks both about each set alternately; set for set, the ratio of one round is the CPU time of Embree over
 that of abbe (above 1, abbe is faster). Embree runs in robust mode with single rays in f32, as a renderer written for it would;
 abbe answers in f64. Rays that leave a face name it in abbe and begin 1e-4 later in Embree, so the numbers of hits differ a little:
-both are printed. With --base, an older bench program takes the place of Embree. Run by hand; it is no part of the test suite.
+both are printed. Where abbe is asked about occlusion in batches (of 8 rays, as a sample may have that joins two sub-paths, or of 32),
+Embree is asked about single rays, or with --streams about streams of as many. With --base, an older bench program takes the place of
+Embree. Run by hand; it is no part of the test suite.
 """
 import argparse
 import json
@@ -27,7 +29,8 @@ SETS = {
     "moving": ["chords"],
     "spheres": ["camera", "chords"],
 }
-QUERIES = ["closest", "occluded"]
+# what is asked, and what the peer is asked
+QUERIES = {"closest": "closest", "occluded": "occluded", "batched8": "occluded", "batched32": "occluded"}
 
 
 def bench_program():
@@ -72,6 +75,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=21)
     parser.add_argument("--only", default="")
     parser.add_argument("--base")
+    parser.add_argument("--streams", action="store_true")
     parser.add_argument("--markdown", action="store_true")
     args = parser.parse_args()
     folder = ROOT / "target" / "peers" / "rays"
@@ -80,6 +84,7 @@ def main():
     subprocess.run([bench, "--export", str(folder)], check=True)
     ours = Server(bench, "--serve")
     peer = Server(args.base, "--serve") if args.base else Server(str(embree_program(folder)), str(folder))
+    asked = {query: query if args.streams else partner for query, partner in QUERIES.items()}
     head = ["set", "query", "hits", "hits of the peer", "Mrays/s", "of the peer", "ratio", "quartiles"]
     line = "| " + " | ".join(["{}"] * len(head)) + " |" if args.markdown else "{:18} {:9} {:>7} {:>16} {:>8} {:>11} {:>6}  {}"
     print(line.format(*head))
@@ -93,7 +98,7 @@ def main():
             rounds = {query: [] for query in QUERIES}
             for _ in range(args.rounds + 1):
                 for query, times in rounds.items():
-                    times.append((ours.ask(scene, rays, query), peer.ask(scene, rays, query)))
+                    times.append((ours.ask(scene, rays, query), peer.ask(scene, rays, asked[query])))
             for query, times in rounds.items():
                 times = times[1:]
                 count = (folder / f"{scene}-{rays}.rays").stat().st_size // 36

@@ -1,10 +1,12 @@
 // The rays of `cargo bench --bench traverse` through Embree, one at a time, in robust mode, on one thread.
-// Reads "SCENE SET QUERY" from each line and answers with hits and CPU seconds, as the bench does with --serve.
+// Reads "SCENE SET QUERY" from each line and answers with hits and CPU seconds, as the bench does with --serve. "batched8" asks
+// about occlusion in streams of 8 rays.
 //
 //     g++ -O3 -march=native embree.cpp -lembree3 -o embree && ./embree FOLDER
 #include <embree3/rtcore.h>
 #include <time.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -140,7 +142,8 @@ int main(int count, char** words) {
             std::ifstream in = open(folder + "/" + name + "-" + set + ".rays");
             casts = read<Cast>(in, number(in));
         }
-        size_t hits = 0;
+        size_t hits = 0, stream = 0;
+        sscanf(query.c_str(), "batched%zu", &stream);
         RTCIntersectContext context;
         rtcInitIntersectContext(&context);
         double start = seconds();
@@ -151,6 +154,14 @@ int main(int count, char** words) {
                 hit.hit.geomID = hit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
                 rtcIntersect1(scene, &context, &hit);
                 hits += hit.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+            }
+        } else if (stream > 0) {
+            std::vector<RTCRay> rays(stream);
+            for (size_t first = 0; first < casts.size(); first += stream) {
+                size_t size = std::min(stream, casts.size() - first);
+                for (size_t i = 0; i < size; i++) rays[i] = ray_of(casts[first + i]);
+                rtcOccluded1M(scene, &context, rays.data(), size, sizeof(RTCRay));
+                for (size_t i = 0; i < size; i++) hits += rays[i].tfar < 0;
             }
         } else {
             for (const Cast& cast : casts) {
