@@ -332,6 +332,7 @@ mod tests {
     use glam::DVec3;
 
     type Hit<'a> = &'a mut dyn FnMut(Range<u32>) -> bool;
+    type Met<'a> = &'a mut dyn FnMut(Range<u32>);
 
     #[test]
     fn any_search_visits_the_leaves_on_the_way_until_one_holds() {
@@ -357,7 +358,7 @@ mod tests {
             let entry = tree
                 .enter(from, point() - from, 1.0)
                 .expect("starts inside");
-            let starts = |search: &dyn Fn(&mut dyn FnMut(Range<u32>))| {
+            let starts = |search: &dyn Fn(Met)| {
                 let mut starts = Vec::new();
                 search(&mut |run| starts.push(run.start));
                 starts.sort_unstable();
