@@ -9,6 +9,9 @@ use glam::DVec2;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+/// Columns in reach whose part of a Gaussian is computed once for all rows.
+const MOST_COLUMNS: usize = 16;
+
 /// A non-negative, normalized pixel filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Filter {
@@ -81,8 +84,7 @@ impl Filter {
     }
 
     /// The columns and rows of a crop in reach of a finite raster position.
-    #[must_use]
-    pub fn reached(&self, raster: DVec2, crop: &Crop) -> (Range<u32>, Range<u32>) {
+    fn reached(&self, raster: DVec2, crop: &Crop) -> (Range<u32>, Range<u32>) {
         // pixels whose offset is in [-radius, radius): exactly one for the box
         let reach = |raster: f64, first: u32, end: u32| {
             let low = (raster - 0.5 - self.radius()).floor() + 1.0;
@@ -96,20 +98,50 @@ impl Filter {
         )
     }
 
-    /// The filter of a pixel at a raster position.
-    #[must_use]
-    pub fn weight(&self, raster: DVec2, x: u32, y: u32) -> f64 {
-        let center = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
-        self.eval(raster - center)
+    /// Calls `each` with column, row and the filter of every pixel of a crop that has a finite raster
+    /// position in its reach, row by row.
+    #[inline]
+    pub fn spread(&self, raster: DVec2, crop: &Crop, mut each: impl FnMut(u32, u32, f64)) {
+        let (columns, rows) = self.reached(raster, crop);
+        let offset = |position: f64, pixel: u32| position - (f64::from(pixel) + 0.5);
+        let Self::Gaussian { sigma, radius } = *self else {
+            for y in rows {
+                for x in columns.clone() {
+                    let offset = DVec2::new(offset(raster.x, x), offset(raster.y, y));
+                    each(x, y, self.eval(offset));
+                }
+            }
+            return;
+        };
+        // a product of two, but for the cut: exponentials of columns and rows, not of pixels
+        let bell = |v: f64| (-0.5 * (v * v) / (sigma * sigma)).exp();
+        let mut of_columns = [0.0; MOST_COLUMNS];
+        for (x, of) in columns.clone().zip(&mut of_columns) {
+            *of = bell(offset(raster.x, x));
+        }
+        let peak = 1.0 / (TAU * sigma * sigma * gaussian_mass(sigma, radius));
+        for y in rows {
+            let dy = offset(raster.y, y);
+            let of_row = peak * bell(dy);
+            for (i, x) in columns.clone().enumerate() {
+                let dx = offset(raster.x, x);
+                let weight = if dx * dx + dy * dy > radius * radius {
+                    0.0
+                } else {
+                    of_row * of_columns.get(i).copied().unwrap_or_else(|| bell(dx))
+                };
+                each(x, y, weight);
+            }
+        }
     }
 
     /// Sum over the pixels of a crop: the share of a splat that lands there, and the density of
     /// samples when each pixel draws one. 1 well inside, less at the border, 0 out of reach.
     #[must_use]
     pub fn coverage(&self, raster: DVec2, crop: &Crop) -> f64 {
-        let (columns, rows) = self.reached(raster, crop);
-        let pixels = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
-        pixels.map(|(x, y)| self.weight(raster, x, y)).sum()
+        let mut sum = 0.0;
+        self.spread(raster, crop, |_, _, weight| sum += weight);
+        sum
     }
 
     /// An offset drawn from the filter, `u` in [0,1)².
@@ -210,6 +242,33 @@ mod tests {
             let chi = ChiSquared::new(f64::from(used - 1)).unwrap();
             let p = 1.0 - chi.cdf(statistic);
             assert!(p > 1e-4, "{filter:?}: p = {p}, seed {}", 17 + k);
+        }
+    }
+
+    #[test]
+    fn splats_meet_the_density_of_every_pixel_in_reach() {
+        let crop = Crop::whole(40, 40);
+        let wide = Filter::Gaussian {
+            sigma: 4.0,
+            radius: 12.0,
+        };
+        for filter in FILTERS.into_iter().chain([wide]) {
+            for i in 0..50 {
+                let [x, y] = [0, 1].map(|j| unit_f64(random_bits(5, 2 * i + j)) * 44.0 - 2.0);
+                let raster = DVec2::new(x, y);
+                let mut found = vec![0.0; 1600];
+                filter.spread(raster, &crop, |x, y, weight| {
+                    found[(40 * y + x) as usize] += weight;
+                });
+                for (pixel, found) in (0_u32..).zip(found) {
+                    let center = DVec2::new(f64::from(pixel % 40), f64::from(pixel / 40)) + 0.5;
+                    let expected = filter.eval(raster - center);
+                    assert!(
+                        (found - expected).abs() <= 1e-14 * expected,
+                        "{filter:?} {raster} {pixel}: {found} {expected}"
+                    );
+                }
+            }
         }
     }
 

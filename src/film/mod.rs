@@ -224,20 +224,23 @@ impl Film {
             self.not_finite.fetch_add(1, Relaxed);
             return;
         }
-        let (columns, rows) = self.filter.reached(raster, &self.crop);
         let mut landed = 0.0;
-        for y in rows {
-            let mut row = None;
-            for x in columns.clone() {
-                let weight = self.filter.weight(raster, x, y);
-                if weight > 0.0 {
-                    let row = row.get_or_insert_with(|| self.row(half, y));
-                    if self.add_scaled(row, x, values, weight) {
-                        landed += weight * self.measure(x, y);
-                    }
+        let mut row: Option<(u32, MutexGuard<_>)> = None;
+        self.filter.spread(raster, &self.crop, |x, y, weight| {
+            if weight > 0.0 {
+                if row.as_ref().is_none_or(|(of, _)| *of != y) {
+                    // one at a time, for others hold theirs
+                    drop(row.take());
+                    row = Some((y, self.row(half, y)));
+                }
+                if let Some((_, row)) = &mut row
+                    && self.add_scaled(row, x, values, weight)
+                {
+                    landed += weight * self.measure(x, y);
                 }
             }
-        }
+        });
+        drop(row);
         if landed > 0.0 {
             self.add_to_block(source, half, values, landed);
         }

@@ -202,7 +202,8 @@ fn totals_are_known_as_well_as_their_sources() {
     // what a splat of 1 adds to the total
     let landed = |film: &Film, raster: DVec2| -> f64 {
         let pixels = (0..128).map(|i| (i % 16, i / 16));
-        let weights = pixels.map(|(x, y)| film.filter().weight(raster, x, y));
+        let center = |(x, y): (u32, u32)| DVec2::new(f64::from(x), f64::from(y)) + 0.5;
+        let weights = pixels.map(|pixel| film.filter().eval(raster - center(pixel)));
         weights.zip(&measures).map(|(w, m)| w * m).sum()
     };
     // each sample lands elsewhere; odd passes bring what differs by the source alone
