@@ -37,27 +37,44 @@ fn rise(r: f64, most: f64, c: f64) -> (f64, f64) {
     (rest, slope)
 }
 
-/// Half the angle of a chord, acos h, and its derivative by ψ.
-fn half_chord((s, c): (f64, f64), most: f64) -> (f64, f64) {
-    let (rest, slope) = rise(1.0, most, c);
-    (rest.sqrt().atan2(most * s), -slope)
+/// Half the angle of a chord, acos h.
+fn half_chord((s, c): (f64, f64), most: f64) -> f64 {
+    rise(1.0, most, c).0.sqrt().atan2(most * s)
+}
+
+/// Derivative of that by ψ.
+fn fall(c: f64, most: f64) -> f64 {
+    -rise(1.0, most, c).1
 }
 
 impl ChordEnd {
-    /// Angle at the center between the end and the vertex next to it, and the derivative by ψ, of
-    /// which sine and cosine are given.
-    fn turn(self, (s, c): (f64, f64), most: f64) -> (f64, f64) {
-        let (half, fall) = half_chord((s, c), most);
+    /// Angle at the center between the end and the vertex next to it, from sine and cosine of ψ and
+    /// half the angle of a chord.
+    fn turn(self, (s, c): (f64, f64), most: f64, half: f64) -> f64 {
         let a = self.distance;
         if !a.is_finite() {
-            return (half + FRAC_PI_2, fall);
+            return half + FRAC_PI_2;
         }
-        let (rest, slope) = rise(a, most, c);
+        let rest = rise(a, most, c).0;
         if self.is_near {
             let end = (most * s / a, rest.sqrt() / a);
-            (lean(end, a, (1.0 - a) * (1.0 + a)).0, fall + slope)
+            lean(end, a, (1.0 - a) * (1.0 + a)).0
         } else {
-            (half + rest.sqrt().atan2(most * s), fall - slope)
+            half + rest.sqrt().atan2(most * s)
+        }
+    }
+
+    /// Derivative of that by ψ.
+    fn slope(self, c: f64, most: f64) -> f64 {
+        let fall = fall(c, most);
+        if !self.distance.is_finite() {
+            return fall;
+        }
+        let slope = rise(self.distance, most, c).1;
+        if self.is_near {
+            fall + slope
+        } else {
+            fall - slope
         }
     }
 }
@@ -94,16 +111,15 @@ pub(super) fn solve(count: usize, far: FlatEnd, to: DVec2, mut found: impl FnMut
     };
     for first in places(a) {
         for last in places(b) {
+            let slope_at =
+                |c: f64| first.slope(c, most) + last.slope(c, most) + inner * fall(c, most);
             let turned = |psi: f64| {
                 let at = psi.sin_cos();
-                let ends = [first.turn(at, most), last.turn(at, most)];
-                let (half, fall) = half_chord(at, most);
-                (
-                    ends[0].0 + ends[1].0 + inner * half,
-                    ends[0].1 + ends[1].1 + inner * fall,
-                )
+                let half = half_chord(at, most);
+                let ends = first.turn(at, most, half) + last.turn(at, most, half);
+                (ends + inner * half, slope_at(at.1))
             };
-            let slope = |psi: f64| turned(psi).1;
+            let slope = |psi: f64| slope_at(psi.cos());
             let lowest = if slope(0.0) >= 0.0 {
                 0.0
             } else if slope(FRAC_PI_2) <= 0.0 {
@@ -113,7 +129,8 @@ pub(super) fn solve(count: usize, far: FlatEnd, to: DVec2, mut found: impl FnMut
             };
             turned_to(gamma, lowest, turned, |side, psi| {
                 let at = psi.sin_cos();
-                let (angle, chord) = (first.turn(at, most).0, 2.0 * half_chord(at, most).0);
+                let half = half_chord(at, most);
+                let (angle, chord) = (first.turn(at, most, half), 2.0 * half);
                 let vertex = |i: usize| {
                     let angle = side * (angle + i as f64 * chord);
                     start.rotate(DVec2::from_angle(angle))

@@ -7,12 +7,12 @@
 //! decides: what both ends turn by, θ − asin(sin θ/|A|), rises with it.
 
 use super::ball::lean;
-use super::roots::{polynomial_roots, root};
+use super::roots::{quartic_roots, root};
 use super::surface::Surface;
 use super::{Bounce, Far, MAX_CHAIN, Points, around};
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2};
 
 /// Product of complex numbers.
 fn times(a: DVec2, b: DVec2) -> DVec2 {
@@ -23,6 +23,21 @@ fn times(a: DVec2, b: DVec2) -> DVec2 {
 fn turn(phi: f64) -> DVec2 {
     DVec2::from_angle(phi)
 }
+
+/// `e^{iφ}` at eight places, evenly spaced from 1 on.
+const EIGHTHS: [DVec2; 8] = {
+    const H: f64 = FRAC_1_SQRT_2;
+    [
+        DVec2::X,
+        DVec2::new(H, H),
+        DVec2::Y,
+        DVec2::new(-H, H),
+        DVec2::NEG_X,
+        DVec2::new(-H, -H),
+        DVec2::NEG_Y,
+        DVec2::new(H, -H),
+    ]
+};
 
 /// Vertices on the unit circle, from the light to the sensor.
 pub(super) type Circular = ArrayVec<DVec2, MAX_CHAIN>;
@@ -96,17 +111,15 @@ fn stationary(far: FlatEnd, to: DVec2, mut found: impl FnMut(DVec2)) {
     } else {
         (times(far_at, to), far_at + to)
     };
-    let at = |phi: f64| times(second, turn(-2.0 * phi)).y - times(first, turn(-phi)).y;
+    // times e^{−iφ} with φ = π i/4
+    let back = |z: DVec2, i: usize| times(z, EIGHTHS[(8 - i % 8) % 8]);
+    let at = |i: usize| back(second, 2 * i).y - back(first, i).y;
     // φ = π + start is where the function is largest of eight, so that no root is near tan(φ/2) = ∞
     let opposite = (0..8)
-        .map(|i| TAU * f64::from(i) / 8.0)
         .max_by(|&a, &b| at(a).abs().total_cmp(&at(b).abs()))
-        .unwrap_or(0.0);
-    let start = opposite - PI;
-    let (c2, c1) = (
-        times(second, turn(-2.0 * start)),
-        times(first, turn(-start)),
-    );
+        .unwrap_or(0);
+    let start = (opposite + 4) % 8;
+    let (c2, c1) = (back(second, 2 * start), back(first, start));
     let quartic = [
         c2.y - c1.y,
         -4.0 * c2.x + 2.0 * c1.x,
@@ -117,14 +130,13 @@ fn stationary(far: FlatEnd, to: DVec2, mut found: impl FnMut(DVec2)) {
     if quartic[4] == 0.0 {
         return;
     }
-    let mut roots = ArrayVec::new();
-    polynomial_roots(&quartic, &mut roots);
     let near = FlatEnd {
         at: to,
         is_infinite: false,
     };
-    for t in roots {
-        let mut p = turn(start + 2.0 * t.atan());
+    for t in quartic_roots(&quartic) {
+        let half = DVec2::new(1.0, t).normalize();
+        let mut p = times(EIGHTHS[start], times(half, half));
         // coefficients are differences of what is large near the circle
         for _ in 0..2 {
             let (a, b) = (far.sine(p), near.sine(p));
@@ -183,6 +195,7 @@ pub(super) fn solve(
             center,
             axis,
             radius,
+            ..
         } => {
             let (x, y) = axis.any_orthonormal_pair();
             let flat = |v: DVec3| DVec2::new(v.dot(x), v.dot(y));

@@ -47,6 +47,7 @@ impl<'s> Surface<'s> {
                     center: to_world.translation,
                     axis: z.normalize(),
                     radius: x.length(),
+                    half_length: z.length(),
                 })
             }
             Shape::Cylinder => {

@@ -1,5 +1,6 @@
 //! Roots of functions of one number, by bracketed Newton steps.
 
+use arrayvec::ArrayVec;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Halvings and steps until a bracket is as narrow as rounding.
@@ -80,50 +81,45 @@ pub(super) fn turned_to(
     }
 }
 
-/// Appends the real roots of Σ c_i x^i, of degree up to 4 with `c[degree]` not 0, in order. Between
-/// the roots of the derivative the polynomial is monotone. A double root may be missed.
-pub(super) fn polynomial_roots(c: &[f64], out: &mut arrayvec::ArrayVec<f64, 4>) {
-    let degree = c.len() - 1;
-    if degree == 0 {
-        return;
+/// Appends the real roots of c_0 + c_1 x + c_2 x², in order. A double root may be missed.
+fn quadratic_roots(c: &[f64; 3], out: &mut ArrayVec<f64, 4>) {
+    let square = 0.25 * c[1] * c[1] - c[2] * c[0];
+    let far = -0.5 * c[1] - square.sqrt().copysign(c[1]);
+    if square > 0.0 {
+        let (a, b) = (far / c[2], c[0] / far);
+        out.extend([a.min(b), a.max(b)]);
     }
-    let lead = c[degree];
-    if degree == 1 {
-        out.push(-c[0] / lead);
-        return;
-    }
-    if degree == 2 {
-        let square = 0.25 * c[1] * c[1] - lead * c[0];
-        let far = -0.5 * c[1] - square.sqrt().copysign(c[1]);
-        if square > 0.0 {
-            let (a, b) = (far / lead, c[0] / far);
-            out.extend([a.min(b), a.max(b)]);
-        }
-        return;
-    }
-    let derivative: arrayvec::ArrayVec<f64, 4> = c
-        .iter()
-        .enumerate()
-        .skip(1)
-        .map(|(i, v)| i as f64 * v)
-        .collect();
-    let mut turns = arrayvec::ArrayVec::new();
-    polynomial_roots(&derivative, &mut turns);
+}
+
+/// Appends the real roots of Σ c_i x^i, in order, between the roots `turns` of its derivative, where
+/// it is monotone; the last coefficient is not 0.
+fn roots_between<const N: usize>(c: &[f64; N], turns: &[f64], out: &mut ArrayVec<f64, 4>) {
+    let lead = c[N - 1];
     // Cauchy's bound
-    let bound = 1.0
-        + c[..degree]
-            .iter()
-            .fold(0.0, |m: f64, v| m.max((v / lead).abs()));
+    let largest = c[..N - 1].iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let bound = 1.0 + largest / lead.abs();
     let f = |x: f64| {
-        c.iter()
-            .rev()
-            .fold((0.0, 0.0), |(v, d), &k| (v * x + k, d * x + v))
+        let (mut value, mut slope) = (lead, 0.0);
+        for i in (0..N - 1).rev() {
+            slope = slope * x + value;
+            value = value * x + c[i];
+        }
+        (value, slope)
     };
     let mut low = -bound;
-    for high in turns.into_iter().chain([bound]) {
-        if let Some(x) = root(f, low, high) {
-            out.push(x);
-        }
+    for high in turns.iter().copied().chain([bound]) {
+        out.extend(root(f, low, high));
         low = high;
     }
+}
+
+/// The real roots of Σ c_i x^i with `c[4]` not 0, in order. A double root may be missed.
+pub(super) fn quartic_roots(c: &[f64; 5]) -> ArrayVec<f64, 4> {
+    let slope = [c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4]];
+    let curvature = [slope[1], 2.0 * slope[2], 3.0 * slope[3]];
+    let (mut bends, mut turns, mut roots) = (ArrayVec::new(), ArrayVec::new(), ArrayVec::new());
+    quadratic_roots(&curvature, &mut bends);
+    roots_between(&slope, &bends, &mut turns);
+    roots_between(c, &turns, &mut roots);
+    roots
 }

@@ -23,12 +23,14 @@ pub enum Surface<'s> {
     },
     /// A circular cylinder, normal outward.
     Cylinder {
-        /// A point on the axis.
+        /// The middle of the axis.
         center: DVec3,
         /// Unit direction of the axis.
         axis: DVec3,
         /// Radius.
         radius: f64,
+        /// Length of the axis to either side of its middle over which there is a surface.
+        half_length: f64,
     },
     /// Any other surface of the second degree.
     Quadric(Quadric),
@@ -121,6 +123,7 @@ impl Surface<'_> {
                 center,
                 axis,
                 radius,
+                ..
             } => round(
                 (o - *center).reject_from(*axis),
                 d.reject_from(*axis),
@@ -143,6 +146,24 @@ impl Surface<'_> {
             Self::Cylinder { .. } | Self::Mesh(_) | Self::Triangle(_) => None,
             Self::Quadric(quadric) => quadric.is_outside(p),
         }
+    }
+
+    /// Whether the surface itself is between a point and its inner side: beside a cylinder, not
+    /// beyond its ends.
+    #[must_use]
+    pub fn hides_inside_from(&self, p: DVec3) -> bool {
+        let Self::Cylinder {
+            center,
+            axis,
+            radius,
+            half_length,
+        } = self
+        else {
+            return false;
+        };
+        let v = p - *center;
+        v.dot(*axis).abs() <= *half_length
+            && v.reject_from(*axis).length_squared() > radius * radius
     }
 
     /// Onto the surface from near it, where positions have few digits.

@@ -187,6 +187,7 @@ fn meet(
             center,
             axis,
             radius,
+            ..
         } => quadratic((o - center).reject_from(axis), d.reject_from(axis), radius),
         Surface::Quadric(_) => surface.meet(o, d, above, None)?.0,
         Surface::Mesh(_) | Surface::Triangle(_) => unreachable!(),
@@ -200,6 +201,7 @@ fn meet(
             center,
             axis,
             radius,
+            ..
         } => {
             let (along, across) = (
                 (p - center).project_onto(axis),
@@ -386,6 +388,7 @@ fn random_chain(
                     center: world.point(DVec3::ZERO),
                     axis,
                     radius: world.scale,
+                    half_length: world.scale,
                 }
             };
             bounces.extend(vec![bounce(surface, false, !inside); count]);

@@ -490,13 +490,15 @@ impl<'a> Joiner<'a> {
     }
 }
 
-/// Whether an end is on the wrong side of the first surface it would meet.
+/// Whether an end is on the wrong side of the first surface it would meet, or outside of one that it
+/// would meet from the inside.
 fn is_hopeless(bounces: &[Bounce], far: &Far, to: DVec3) -> bool {
     let (first, last) = (&bounces[0], &bounces[bounces.len() - 1]);
     let is_wrong = |surface: &Surface, x: DVec3, above: bool| {
-        surface
+        let is_other_side = surface
             .is_above(x)
-            .is_some_and(|is_above| is_above != above)
+            .is_some_and(|is_above| is_above != above);
+        is_other_side || !above && surface.hides_inside_from(x)
     };
     let lost = match (*far, first.surface) {
         (Far::Point(x), _) => is_wrong(&first.surface, x, first.from_above),

@@ -174,6 +174,7 @@ fn edge_chains(delta: f64) -> Vec<(&'static str, Traced)> {
         center: DVec3::ZERO,
         axis: DVec3::Z,
         radius: 1.0,
+        half_length: 1.0,
     };
     let bounce = |surface: Surface<'static>, transmits: bool, from_above: bool| Bounce {
         surface,
@@ -339,6 +340,7 @@ fn degenerate_ends_give_no_nonsense() {
         center: DVec3::ZERO,
         axis: DVec3::Z,
         radius: 1.0,
+        half_length: 1.0,
     };
     let mirror = Bounce {
         surface: ring,
