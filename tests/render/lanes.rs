@@ -208,6 +208,18 @@ fn wall_and_sky_behind_a_ball_and_a_block() {
 }
 
 #[test]
+fn wavelengths_that_leave_the_film_or_are_hidden() {
+    // a film about as wide as the spectrum of a point of the wall, with a bar across it before the
+    // ball: of some chains from a point the film has few, and of those the bar hides some
+    let view = BEHIND
+        .replace("fov_deg = 28", "fov_deg = 0.6")
+        .replace("target = [0, 0, 0]", "target = [0.35, 0, 0]");
+    let bar = "[[object]]\nquad = { center = [0.175, 0, 2], u = [0.003, 0, 0], v = [0, 0.1, 0] }\nmaterial = \"wall\"\n";
+    let text = [&view, &*big_ball(), bar].concat();
+    agree("narrow", &text, [150, 80, 80], 0.015);
+}
+
+#[test]
 fn wavelengths_go_on_together_behind_dispersive_glass() {
     // a wall alone, and the ball alone on the film
     let text = BEHIND
