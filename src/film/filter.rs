@@ -98,8 +98,8 @@ impl Filter {
         )
     }
 
-    /// Calls `each` with column, row and the filter of every pixel of a crop that has a finite raster
-    /// position in its reach, row by row.
+    /// Calls `each` with column, row and the filter of every pixel of a crop that has a finite
+    /// raster position in its reach, row by row.
     #[inline]
     pub fn spread(&self, raster: DVec2, crop: &Crop, mut each: impl FnMut(u32, u32, f64)) {
         let (columns, rows) = self.reached(raster, crop);

@@ -91,8 +91,8 @@ fn quadratic_roots(c: &[f64; 3], out: &mut ArrayVec<f64, 4>) {
     }
 }
 
-/// Appends the real roots of Σ c_i x^i, in order, between the roots `turns` of its derivative, where
-/// it is monotone; the last coefficient is not 0.
+/// Appends the real roots of Σ c_i x^i, in order, between the roots `turns` of its derivative,
+/// where it is monotone; the last coefficient is not 0.
 fn roots_between<const N: usize>(c: &[f64; N], turns: &[f64], out: &mut ArrayVec<f64, 4>) {
     let lead = c[N - 1];
     // Cauchy's bound

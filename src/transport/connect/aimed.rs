@@ -490,8 +490,8 @@ impl<'a> Joiner<'a> {
     }
 }
 
-/// Whether an end is on the wrong side of the first surface it would meet, or outside of one that it
-/// would meet from the inside.
+/// Whether an end is on the wrong side of the first surface it would meet, or outside of one that
+/// it would meet from the inside.
 fn is_hopeless(bounces: &[Bounce], far: &Far, to: DVec3) -> bool {
     let (first, last) = (&bounces[0], &bounces[bounces.len() - 1]);
     let is_wrong = |surface: &Surface, x: DVec3, above: bool| {
