@@ -6,11 +6,11 @@
 //! *complete*: they find every chain there is, so that whoever meets a chain on a path made
 //! otherwise knows that its solver would have found it.
 //!
-//! Planes: Fermat's path length is convex in the positions on them. Spheres: a chain lies in the
-//! plane of its end points and the center, where one number decides it. Mirrors that are circles in
-//! cross-section: Alhazen's problem, a quartic; inside, several reflections by one number again.
-//! Any other surface of the second degree, and meshes with interpolated normals: shooting, which
-//! has to be asked what it finds.
+//! Planes: mirrors unfold, and Fermat's path length is convex in the positions on what transmits.
+//! Spheres: a chain lies in the plane of its end points and the center, where one number decides
+//! it. Mirrors that are circles in cross-section: Alhazen's problem, a quartic; inside, several
+//! reflections by one number again. Any other surface of the second degree, and meshes with
+//! interpolated normals: shooting, which has to be asked what it finds.
 
 mod around;
 pub mod ball;
@@ -29,6 +29,7 @@ pub mod surface;
 mod tests;
 pub mod trail;
 pub mod tries;
+mod unfolded;
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -189,7 +190,13 @@ pub fn solve(
     let mut checked = |points: &Points| on(points, &whole);
     match (bounces, bounces[0].surface) {
         (_, Surface::Plane { .. }) => {
-            if let Some(points) = planes::solve(bounces, eta, far, to) {
+            let refractions = bounces.iter().filter(|b| b.transmits).count();
+            let solve = if refractions <= 1 {
+                unfolded::solve
+            } else {
+                planes::solve
+            };
+            if let Some(points) = solve(bounces, eta, far, to) {
                 checked(&points);
             }
         }

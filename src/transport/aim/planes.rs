@@ -1,4 +1,4 @@
-//! Any number of planes in a row, reflecting and transmitting.
+//! Any number of planes in a row, reflecting and transmitting; asked where several transmit.
 //!
 //! The optical path length Σ η_i |x_{i+1} − x_i| is convex in the positions on the planes (norms of
 //! affine maps), so that it has one stationary point at most, and Fermat's principle says that this
