@@ -12,7 +12,7 @@ use super::throughput::Throughput;
 use crate::bsdf::{BsdfSample, Lobe, Side};
 use crate::geometry::{DirectionalDensity, EndPoint, Faces, Ray, SurfacePoint};
 use crate::math::frame::Frame;
-use crate::medium::MediumStack;
+use crate::medium::{MediumId, MediumStack};
 use crate::sampler::{Draw, Sampler};
 use crate::scene::Scene;
 use crate::scene::crossing::{cross_alone, resolve};
@@ -162,11 +162,8 @@ pub fn walk(
             if let Some(film) = &film
                 && bent
             {
-                let mut spare = mem::take(&mut path.spare);
-                let met = Meeting::Escape(ray.d, medium);
-                path.fan = fan::open(context, (path, met), throughput, film, &mut spare, counters);
-                path.spare = spare;
-                throughput = path.fan.map_or(throughput, |fan| fan.throughput);
+                let escape = Some((ray.d, medium));
+                throughput = open_fan(context, path, escape, throughput, film, counters);
             }
             path.escape = Some(Escape {
                 direction: ray.d,
@@ -347,13 +344,8 @@ pub fn walk(
             && bent
             && lobes.is_lambertian
         {
-            let mut spare = mem::take(&mut path.spare);
-            let met = Meeting::Vertex(&path.vertices[index]);
-            path.fan = fan::open(context, (path, met), throughput, film, &mut spare, counters);
-            path.spare = spare;
-            if let Some(fan) = &path.fan {
-                path.vertices[index].throughput = fan.throughput;
-            }
+            let opened = open_fan(context, path, None, throughput, film, counters);
+            path.vertices[index].throughput = opened;
         }
 
         // An end of the walk leaves its last vertex as an end point of connections.
@@ -422,6 +414,26 @@ pub fn walk(
         passed = 0.0;
         crossings = 0;
     }
+}
+
+/// Opens the fan of a walk that has come to its last vertex, or has left the scene in a direction
+/// through a medium. The weight with which all lanes go on, `arrived` where there is none.
+fn open_fan(
+    context: &PathContext,
+    path: &mut Subpath,
+    escape: Option<(DVec3, MediumId)>,
+    arrived: Throughput,
+    film: &FilmPoint,
+    counters: &mut Counters,
+) -> Throughput {
+    let mut spare = mem::take(&mut path.spare);
+    let met = match escape {
+        Some((direction, medium)) => Meeting::Escape(direction, medium),
+        None => Meeting::Vertex(&path.vertices[path.vertices.len() - 1]),
+    };
+    path.fan = fan::open(context, (path, met), arrived, film, &mut spare, counters);
+    path.spare = spare;
+    path.fan.map_or(arrived, |fan| fan.throughput)
 }
 
 /// Stochastic alpha test: whether a walk goes straight on at a surface that covers only in part,

@@ -13,10 +13,9 @@
 
 use super::passage;
 use super::trail::{Place, chain_link, is_dispersive, places};
-use super::{Bounce, Far, MAX_CHAIN, Points, Prims, differential, placed, shooting};
+use super::{Bounce, Far, MAX_CHAIN, Points, Prims, differential, shooting};
 use crate::bsdf::Lobe;
 use crate::camera::CameraKind;
-use crate::geometry::{Ray, SurfaceId};
 use crate::medium::MediumId;
 use crate::scene::chains::ChainKind;
 use crate::spectrum::{MAX_LANES, SampledSpectrum};
@@ -319,22 +318,8 @@ impl<'a> Ways<'a> {
         let (kind, points) = (&self.kind, &chain.points);
         let m = points.len();
 
-        let mut faces: ArrayVec<SurfaceId, MAX_CHAIN> = ArrayVec::new();
-        for (i, link) in kind.iter().enumerate() {
-            let instance = scene.accel.instance(link.id.instance);
-            let facets = scene.chains().facets(link.id.instance);
-            let placement = instance.transform.at(context.moment());
-            let at = (points[i], chain.prims[i]);
-            faces.push(placed::face_at(instance, facets, link.id, &placement, at)?);
-        }
-        // unit directions and lengths of the segments, from the vertex to the sensor
-        let mut segments: ArrayVec<(DVec3, f64), { MAX_CHAIN + 1 }> = ArrayVec::new();
-        segments.push(self.meeting.segment(points[0]));
-        for i in 0..m {
-            let v = points.get(i + 1).copied().unwrap_or(to) - points[i];
-            let length = v.length();
-            segments.push((v / length, length));
-        }
+        let faces = passage::faces(context, kind, points, &chain.prims)?;
+        let segments = passage::segments(self.meeting.segment(points[0]), points, to);
         let cos = self.meeting.cos(segments[0].0, kind[0].before())?;
         let (camera, moment) = (&sensor.camera, context.moment());
         let seen = camera.sample_connection(points[m - 1], film.u_lens, moment, film.margin)?;
@@ -374,20 +359,12 @@ impl<'a> Ways<'a> {
             return None;
         }
         if let Some(counters) = counters {
-            let mut rays: ArrayVec<Ray, { MAX_CHAIN + 1 }> = ArrayVec::new();
-            for i in (0..=m).rev() {
-                let (w, length) = segments[i];
-                let (from, surface) = match points.get(i) {
-                    Some(&p) => (p, Some(faces[i])),
-                    None => (to, path.origin.surface),
-                };
-                let until = match (i.checked_sub(1), self.meeting) {
-                    (Some(before), _) => Some(faces[before]),
-                    (None, Meeting::Vertex(vertex)) => Some(vertex.id),
-                    (None, Meeting::Escape(..)) => None,
-                };
-                rays.push(Ray::leaving(from, -w, surface).ending(length, until));
-            }
+            let met = match self.meeting {
+                Meeting::Vertex(vertex) => Some(vertex.id),
+                Meeting::Escape(..) => None,
+            };
+            let start = (to, path.origin.surface);
+            let rays = passage::rays(&segments, points, &faces, start, met);
             if passage::visibility(context, &all, &rays, path.start_stack(), counters) == 0.0 {
                 return None;
             }

@@ -1,16 +1,70 @@
 //! Light along a chain that is known: what its vertices let through, and what is in its way.
 
-use super::Bounce;
 use super::trail::Place;
+use super::{Bounce, MAX_CHAIN, Points, Prims, placed};
 use crate::bsdf::lobe::dielectric::Dielectric;
 use crate::bsdf::{Bsdf, Label, Lobe};
 use crate::geometry::{Face, Ray, SurfaceId};
 use crate::medium::MediumStack;
-use crate::scene::chains::ChainLink;
+use crate::scene::chains::{ChainKind, ChainLink};
 use crate::scene::crossing::resolve;
 use crate::spectrum::SampledSpectrum;
 use crate::transport::context::{Counters, PathContext};
+use arrayvec::ArrayVec;
 use glam::DVec3;
+
+/// Segments of a chain from the light to the sensor: unit directions and lengths.
+pub type Segments = ArrayVec<(DVec3, f64), { MAX_CHAIN + 1 }>;
+
+/// Faces that the points of a chain lie on; `None` where one is beside its own.
+#[must_use]
+pub fn faces(
+    context: &PathContext,
+    kind: &ChainKind,
+    points: &Points,
+    prims: &Prims,
+) -> Option<ArrayVec<SurfaceId, MAX_CHAIN>> {
+    let scene = context.scene;
+    let face = |(i, link): (usize, &ChainLink)| {
+        let instance = scene.accel.instance(link.id.instance);
+        let facets = scene.chains().facets(link.id.instance);
+        let placement = instance.transform.at(context.moment());
+        placed::face_at(instance, facets, link.id, &placement, (points[i], prims[i]))
+    };
+    kind.iter().enumerate().map(face).collect()
+}
+
+/// Segments of a chain, of which `first` leads to its first point, and the last to `to`.
+#[must_use]
+pub fn segments(first: (DVec3, f64), points: &Points, to: DVec3) -> Segments {
+    let ends = points.iter().skip(1).chain([&to]);
+    let between = points.iter().zip(ends).map(|(p, end)| {
+        let v = *end - *p;
+        (v.normalize(), v.length())
+    });
+    std::iter::once(first).chain(between).collect()
+}
+
+/// The segments as rays from the sensor's side on, from a point there on a surface, up to a surface
+/// at the light's end.
+#[must_use]
+pub fn rays(
+    segments: &Segments,
+    points: &Points,
+    faces: &[SurfaceId],
+    (to, on_sensor): (DVec3, Option<SurfaceId>),
+    on_light: Option<SurfaceId>,
+) -> ArrayVec<Ray, { MAX_CHAIN + 1 }> {
+    let ray = |(i, &(w, length)): (usize, &(DVec3, f64))| {
+        let (from, surface) = match points.get(i) {
+            Some(&p) => (p, Some(faces[i])),
+            None => (to, on_sensor),
+        };
+        let end = i.checked_sub(1).map_or(on_light, |i| Some(faces[i]));
+        Ray::leaving(from, -w, surface).ending(length, end)
+    };
+    segments.iter().enumerate().rev().map(ray).collect()
+}
 
 /// A specular vertex that was solved for.
 pub struct Solved {

@@ -67,26 +67,25 @@ pub struct Trail<'p> {
 impl Trail<'_> {
     /// Scattering vertex i of the path, 1 <= i < n − 1.
     fn place(&self, i: usize) -> Place {
+        match self.vertex(i) {
+            Some(vertex) => vertex.into(),
+            None => self.chain[i - 1 - self.light.len()],
+        }
+    }
+
+    /// Scattering vertex i, 1 <= i < n − 1, if a walk has come there.
+    fn vertex(&self, i: usize) -> Option<&Vertex> {
         let i = i - 1;
-        if let Some(vertex) = self.light.get(i) {
-            return vertex.into();
+        if i < self.light.len() {
+            return Some(&self.light[i]);
         }
-        let i = i - self.light.len();
-        match self.chain.get(i) {
-            Some(place) => *place,
-            None => (&self.camera[self.camera.len() - 1 - (i - self.chain.len())]).into(),
-        }
+        let beyond = (i - self.light.len()).checked_sub(self.chain.len())?;
+        Some(&self.camera[self.camera.len() - 1 - beyond])
     }
 
     /// Whether scattering vertex i sends light alike in all directions.
     pub(in crate::transport) fn is_lambertian(&self, i: usize) -> bool {
-        let i = i - 1;
-        if let Some(vertex) = self.light.get(i) {
-            return vertex.is_lambertian;
-        }
-        let i = i - self.light.len();
-        i >= self.chain.len()
-            && self.camera[self.camera.len() - 1 - (i - self.chain.len())].is_lambertian
+        self.vertex(i).is_some_and(|vertex| vertex.is_lambertian)
     }
 
     /// The surface of scattering vertex i.

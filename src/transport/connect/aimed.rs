@@ -3,7 +3,7 @@
 mod reach;
 
 use super::{Candidate, Joiner, Numerator};
-use crate::geometry::{EndPoint, Ray, SurfaceId};
+use crate::geometry::EndPoint;
 use crate::light::{LightId, LightKind};
 use crate::medium::MediumStack;
 use crate::sampler::{Draw, Sampler};
@@ -13,7 +13,7 @@ use crate::transport::aim::passage::{self, Solved};
 use crate::transport::aim::surface::Surface;
 use crate::transport::aim::trail::{self, Place, Placed, Trail};
 use crate::transport::aim::tries::{Origin, Tries};
-use crate::transport::aim::{Bounce, Far, MAX_CHAIN, Points, Prims, differential, placed, solve};
+use crate::transport::aim::{Bounce, Far, MAX_CHAIN, Points, Prims, differential, solve};
 use crate::transport::contribution::Target;
 use crate::transport::density::{PathView, VertexDensity};
 use crate::transport::subpath::Subpath;
@@ -336,26 +336,15 @@ impl<'a> Joiner<'a> {
         let context = self.context;
         let scene = context.scene;
         let m = points.len();
-        let mut faces: ArrayVec<SurfaceId, MAX_CHAIN> = ArrayVec::new();
-        let mut on: ArrayVec<Bounce, MAX_CHAIN> = ArrayVec::new();
-        for (i, link) in kind.iter().enumerate() {
-            let at = (points[i], prims[i]);
-            on.push(bounces[i].at(prims[i]));
-            let instance = scene.accel.instance(link.id.instance);
-            let facets = scene.chains().facets(link.id.instance);
-            let placement = instance.transform.at(context.moment());
-            faces.push(placed::face_at(instance, facets, link.id, &placement, at)?);
-        }
-        // unit directions and lengths of the segments, from the light to the sensor
-        let mut segments: ArrayVec<(DVec3, f64), { MAX_CHAIN + 1 }> = ArrayVec::new();
-        segments.push(match *far {
+        let faces = passage::faces(context, kind, points, prims)?;
+        let on: ArrayVec<Bounce, MAX_CHAIN> = (bounces.iter().zip(prims))
+            .map(|(bounce, &prim)| bounce.at(prim))
+            .collect();
+        let first = match *far {
             Far::Point(x) => ((points[0] - x).normalize(), x.distance(points[0])),
             Far::Direction(w) => (-w, f64::INFINITY),
-        });
-        for i in 0..m {
-            let v = points.get(i + 1).copied().unwrap_or(to) - points[i];
-            segments.push((v.normalize(), v.length()));
-        }
+        };
+        let mut segments = passage::segments(first, points, to);
         let last = segments[m];
         let at_light = self.reach_light(ends, segments[0], points[0], kind[0].before())?;
         let x0 = match ends.light {
@@ -409,18 +398,8 @@ impl<'a> Joiner<'a> {
             lanes,
         };
 
-        let mut shadow: ArrayVec<Ray, { MAX_CHAIN + 1 }> = ArrayVec::new();
-        for i in (0..=m).rev() {
-            let (w, length) = segments[i];
-            let (from, surface) = match points.get(i) {
-                Some(&p) => (p, Some(faces[i])),
-                None => (to, at_sensor.surface),
-            };
-            let end = i
-                .checked_sub(1)
-                .map_or(at_light.surface, |i| Some(faces[i]));
-            shadow.push(Ray::leaving(from, -w, surface).ending(length, end));
-        }
+        let sensor_end = (to, at_sensor.surface);
+        let shadow = passage::rays(&segments, points, &faces, sensor_end, at_light.surface);
 
         let mut densities = std::mem::take(&mut self.scratch.bridged);
         let mut columns = std::mem::take(&mut self.scratch.columns);
