@@ -93,7 +93,15 @@ impl AliasTable {
 
     /// Chooses by `u` in [0, 1).
     #[must_use]
+    #[inline]
     pub fn sample(&self, u: f64) -> AliasSample {
+        if self.bins.len() == 1 {
+            return AliasSample {
+                index: 0,
+                u: u.clamp(0.0, ONE_MINUS),
+                pmf: self.pmf[0],
+            };
+        }
         let scaled = u * self.bins.len() as f64;
         let own = (scaled as usize).min(self.bins.len() - 1);
         let rest = (scaled - own as f64).clamp(0.0, ONE_MINUS);

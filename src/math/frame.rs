@@ -38,3 +38,31 @@ impl Frame {
         self.x * v.x + self.y * v.y + self.z * v.z
     }
 }
+
+/// The unit vector along `v`: `v` itself where that has unit length but for rounding, which most
+/// maps leave as it is, and which takes no root.
+#[must_use]
+#[inline]
+pub fn normalized(v: DVec3) -> DVec3 {
+    let square = v.length_squared();
+    if (square - 1.0).abs() <= 8.0 * f64::EPSILON {
+        return v;
+    }
+    v * (1.0 / square.sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unit_vectors_stay_as_they_are_and_others_become_such() {
+        let unit = DVec3::new(1.0, -2.0, 0.5).normalize();
+        assert_eq!(normalized(unit), unit);
+        for factor in [1e-9, 0.999_999, 1.0 + 1e-12, 4e5] {
+            let error = (normalized(unit * factor) - unit).length();
+            assert!(error < 4.0 * f64::EPSILON, "{factor}: {error}");
+        }
+        assert!(normalized(DVec3::ZERO).is_nan());
+    }
+}

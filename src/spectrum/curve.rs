@@ -139,15 +139,17 @@ impl Curve {
 
     /// The values at the wavelengths of a path; 0 in the lanes not in use.
     #[must_use]
+    #[inline]
     pub fn sample(&self, wavelengths: &SampledWavelengths) -> SampledSpectrum {
         if let Self::Constant(v) = self {
             return SampledSpectrum::splat(*v as f32);
         }
-        let mut out = SampledSpectrum::ZERO;
-        for lane in 0..wavelengths.count() {
-            out[lane] = self.eval(wavelengths.lambda_nm(lane)) as f32;
-        }
-        out
+        self.sample_varying(wavelengths)
+    }
+
+    fn sample_varying(&self, wavelengths: &SampledWavelengths) -> SampledSpectrum {
+        let at = |lane| self.eval(wavelengths.lambda_nm(lane)) as f32;
+        SampledSpectrum::of_lanes(wavelengths.count(), at)
     }
 
     /// Appends the wavelengths where a table bends.

@@ -167,16 +167,20 @@ impl Emission {
     /// The values at the wavelengths of a path (line power at atoms, density elsewhere).
     #[must_use]
     pub fn sample(&self, wavelengths: &SampledWavelengths) -> SampledSpectrum {
-        let mut out = SampledSpectrum::ZERO;
-        for lane in 0..wavelengths.count() {
+        if let Some(Curve::Constant(value)) = &self.continuous
+            && !wavelengths.has_lines()
+        {
+            return SampledSpectrum::splat((self.scale * value) as f32);
+        }
+        SampledSpectrum::of_lanes(wavelengths.count(), |lane| {
             let lambda_nm = wavelengths.lambda_nm(lane);
-            out[lane] = if wavelengths.is_line(lane) {
+            let value = if wavelengths.is_line(lane) {
                 self.line_power(lambda_nm)
             } else {
                 self.density(lambda_nm)
-            } as f32;
-        }
-        out
+            };
+            value as f32
+        })
     }
 
     /// Power over `range_nm` by which lights and wavelengths are chosen, never a result: the

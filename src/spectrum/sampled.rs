@@ -1,6 +1,7 @@
 //! Values at the wavelengths of one path: one number per lane.
 
 use std::ops::{Add, AddAssign, Div, Index, IndexMut, Mul, MulAssign, Neg, Sub};
+use wide::f32x8;
 
 /// The largest number of wavelengths a path can carry.
 pub const MAX_LANES: usize = 8;
@@ -30,6 +31,24 @@ impl SampledSpectrum {
         Self(std::array::from_fn(f))
     }
 
+    /// `f` of the first `count` lanes, 0 in the others.
+    ///
+    /// The usual four are put together in a register: a vector that is read right after its lanes
+    /// were written one by one waits until all of them have reached memory.
+    #[must_use]
+    #[inline]
+    pub fn of_lanes(count: usize, mut f: impl FnMut(usize) -> f32) -> Self {
+        if count == 4 {
+            let [a, b, c, d] = [f(0), f(1), f(2), f(3)];
+            return Self(f32x8::new([a, b, c, d, 0.0, 0.0, 0.0, 0.0]).to_array());
+        }
+        let mut out = Self::ZERO;
+        for lane in 0..count {
+            out[lane] = f(lane);
+        }
+        out
+    }
+
     /// Each lane mapped.
     #[must_use]
     pub fn map(self, f: impl FnMut(f32) -> f32) -> Self {
@@ -41,10 +60,12 @@ impl SampledSpectrum {
     #[inline]
     pub fn max_lane(&self, count: usize) -> f32 {
         let greater = |most: f32, v: f32| if v > most { v } else { most };
-        if count == 1 {
-            return greater(0.0, self.0[0]);
+        let [a, b, c, d, ..] = self.0;
+        match count {
+            1 => greater(0.0, a),
+            4 => greater(greater(greater(greater(0.0, a), b), c), d),
+            _ => self.0[..count].iter().copied().fold(0.0, greater),
         }
-        self.0[..count].iter().copied().fold(0.0, greater)
     }
 
     /// The mean of the first `count` lanes.

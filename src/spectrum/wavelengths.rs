@@ -48,6 +48,12 @@ impl SampledWavelengths {
         self.atoms & (1 << lane) != 0
     }
 
+    /// Whether any lane sits on an emission line.
+    #[must_use]
+    pub fn has_lines(&self) -> bool {
+        self.atoms != 0
+    }
+
     /// Whether all lanes sit on emission lines.
     #[must_use]
     pub fn are_lines(&self) -> bool {
@@ -82,6 +88,8 @@ struct Piece {
     /// Cumulative probability before the piece.
     before: f64,
     probability: f64,
+    /// Width over probability.
+    nm_per_unit: f64,
     /// Probability of an atom, density per nanometer of a cell.
     density: f64,
 }
@@ -107,6 +115,8 @@ pub struct WavelengthDistribution {
     range_nm: [f64; 2],
     /// By wavelength; none has probability 0.
     pieces: Vec<Piece>,
+    /// Cumulative probability before each, and infinity.
+    starts: Vec<f64>,
     /// For u in bucket i: the first piece that may contain it.
     guide: Vec<u32>,
 }
@@ -307,6 +317,7 @@ impl WavelengthDistribution {
                 inner_nm: [low_nm.next_up(), high_nm.next_down()],
                 before: total,
                 probability,
+                nm_per_unit: 0.0,
                 density: 0.0,
             });
             total += probability;
@@ -314,12 +325,15 @@ impl WavelengthDistribution {
         for piece in &mut pieces {
             piece.before /= total;
             piece.probability /= total;
+            piece.nm_per_unit = (piece.high_nm - piece.low_nm) / piece.probability;
             piece.density = if piece.is_atom() {
                 piece.probability
             } else {
                 piece.probability / (piece.high_nm - piece.low_nm)
             };
         }
+        let starts = pieces.iter().map(|p| p.before);
+        let starts = starts.chain([f64::INFINITY]).collect();
         let guide = (0..GUIDE)
             .map(|i| {
                 let u = i as f64 / GUIDE as f64;
@@ -329,6 +343,7 @@ impl WavelengthDistribution {
         Self {
             range_nm,
             pieces,
+            starts,
             guide,
         }
     }
@@ -356,8 +371,7 @@ impl WavelengthDistribution {
                 out.atoms |= 1 << lane;
                 piece.low_nm
             } else {
-                let t = (rotated - piece.before) / piece.probability;
-                let lambda_nm = piece.low_nm + (piece.high_nm - piece.low_nm) * t;
+                let lambda_nm = piece.low_nm + (rotated - piece.before) * piece.nm_per_unit;
                 lambda_nm.max(piece.inner_nm[0]).min(piece.inner_nm[1])
             };
         }
@@ -366,7 +380,9 @@ impl WavelengthDistribution {
 
     fn piece_at(&self, u: f64) -> &Piece {
         let mut i = self.guide[((u * GUIDE as f64) as usize).min(GUIDE - 1)] as usize;
-        while i + 1 < self.pieces.len() && self.pieces[i + 1].before <= u {
+        // most buckets have at most one start, which none foretells: a sum in place of a branch
+        i += usize::from(self.starts[i + 1] <= u);
+        while self.starts[i + 1] <= u {
             i += 1;
         }
         &self.pieces[i]

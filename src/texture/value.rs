@@ -32,7 +32,16 @@ impl From<f64> for ScalarTexture {
 impl ScalarTexture {
     /// The value at texture coordinates `uv`.
     #[must_use]
+    #[inline]
     pub fn eval(&self, uv: DVec2) -> f64 {
+        if let Self::Constant(value) = self {
+            *value
+        } else {
+            self.eval_at(uv)
+        }
+    }
+
+    fn eval_at(&self, uv: DVec2) -> f64 {
         match self {
             Self::Constant(value) => *value,
             Self::Image { texture, channel } => f64::from(texture.eval(uv)[*channel]),
@@ -115,6 +124,7 @@ impl SpectrumTexture {
     /// The values at texture coordinates `uv` and at the wavelengths of a path; 0 in the lanes not
     /// in use.
     #[must_use]
+    #[inline]
     pub fn sample(&self, uv: DVec2, wavelengths: &SampledWavelengths) -> SampledSpectrum {
         match self {
             Self::Uniform(curve) => curve.sample(wavelengths),
