@@ -10,6 +10,7 @@
 use super::orthographic::axis;
 use super::{CameraSample, Resolution, SensorConnection};
 use crate::geometry::{DirectionalDensity, EndPoint, Placement};
+use crate::math::frame::normalized;
 use crate::math::sampling;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
@@ -104,7 +105,7 @@ impl Perspective {
             (on_film.extend(-1.0) * self.focus_distance() - lens_point.extend(0.0)).normalize();
         CameraSample {
             xk: self.end_point(placement, lens_point),
-            direction: placement.to_world.transform_vector3(local).normalize(),
+            direction: normalized(placement.to_world.transform_vector3(local)),
             pdf_xk: self.lens_density(),
             pdf_direction: DirectionalDensity::SolidAngle(self.direction_density(-local.z)),
             weight: 1.0,

@@ -5,8 +5,8 @@
 //! triangle), so the density per world area is 1 / (object area · stretch) under any affine map.
 
 use super::analytic;
-use super::instance::to_world;
-use super::motion::Placement;
+use super::instance::{flat_to_world, to_world};
+use super::motion::{Placement, Transform};
 use super::shape::LocalPoint;
 use super::{Instance, InstanceId, Moment, Shape, SurfacePoint};
 use crate::math::angle::sin_cos_turns;
@@ -29,6 +29,8 @@ pub struct AreaSample {
 pub struct AreaSampler {
     /// Triangles of a mesh by area: their mean area over the keys of a mesh that changes its form.
     triangles: Option<Arc<AliasTable>>,
+    /// Density per world area, where it is known to be the same all over and all the time.
+    uniform: Option<f64>,
 }
 
 /// Points per axis of the quadrature for curved shapes under maps that are not similarities.
@@ -102,6 +104,22 @@ impl AreaSampler {
         };
         Self {
             triangles: table.map(Arc::new),
+            uniform: None,
+        }
+    }
+
+    /// The same for this instance alone: where it rests and is stretched alike all over, the
+    /// density is computed once.
+    #[must_use]
+    pub fn placed(self, instance: &Instance) -> Self {
+        let is_even = match (&instance.transform, &instance.shape) {
+            (Transform::Moving(_), _) | (_, Shape::Lens(_) | Shape::Deforming(_)) => false,
+            (_, Shape::Quad | Shape::Disk { .. }) => true,
+            (Transform::Static(placement), _) => is_similarity(placement.to_world.matrix3),
+        };
+        Self {
+            uniform: is_even.then(|| 1.0 / instance.area(0.0)),
+            ..self
         }
     }
 
@@ -123,13 +141,19 @@ impl AreaSampler {
         u: DVec2,
     ) -> AreaSample {
         let moment = moment.into();
-        let (placement, time) = (instance.transform.at(moment), moment.time());
-        let local = self.object_point(&instance.shape, u_face, u, time);
-        let point = to_world(id, &placement, &local);
-        AreaSample {
-            point,
-            pdf_a: self.density(instance, &placement, &point, time),
-        }
+        let time = moment.time();
+        instance.transform.with(moment, |placement| {
+            let point = if let Shape::Quad = instance.shape {
+                flat_to_world(id, placement, on_square(u))
+            } else {
+                let local = self.object_point(&instance.shape, u_face, u, time);
+                to_world(id, placement, &local)
+            };
+            AreaSample {
+                point,
+                pdf_a: self.density(instance, placement, &point, time),
+            }
+        })
     }
 
     /// The density per world area with which `sample` generates `point`.
@@ -152,6 +176,9 @@ impl AreaSampler {
         point: &SurfacePoint,
         time: f64,
     ) -> f64 {
+        if let Some(density) = self.uniform {
+            return density;
+        }
         let stretch = area_stretch(placement, point.ng);
         if let Shape::Lens(lens) = &instance.shape {
             // uniform in the area seen along the axis
@@ -169,6 +196,7 @@ impl AreaSampler {
     }
 
     /// A point in object space; `u_face` chooses the face, `u` the point on it.
+    #[inline]
     fn object_point(&self, shape: &Shape, u_face: f64, u: DVec2, time: f64) -> LocalPoint {
         let ring = |r: f64, z: f64| {
             let (sin, cos) = sin_cos_turns(u.y);
@@ -185,7 +213,7 @@ impl AreaSampler {
                 let i2 = inner * inner;
                 (0, ring((i2 + u.x * (1.0 - i2)).sqrt(), 0.0))
             }
-            Shape::Quad => (0, (u * 2.0 - 1.0).extend(0.0)),
+            Shape::Quad => (0, on_square(u)),
             Shape::Cylinder => (0, ring(1.0, 2.0 * u.x - 1.0)),
             Shape::Box => {
                 let face = ((u_face * 6.0) as u32).min(5);
@@ -220,6 +248,11 @@ impl AreaSampler {
             _ => shape.area(time),
         }
     }
+}
+
+/// The point of a quad in its own space.
+fn on_square(u: DVec2) -> DVec3 {
+    (u * 2.0 - 1.0).extend(0.0)
 }
 
 /// World area per object area where the unit world normal is `ng`.
@@ -295,6 +328,28 @@ mod tests {
             let face = (f64::from(i) * 0.618_033_988_749_894_9).fract();
             (face, DVec2::new(at(i / n), at(i % n)))
         })
+    }
+
+    #[test]
+    fn a_density_computed_once_is_that_of_every_point() {
+        let mut known = 0;
+        for shape in shapes() {
+            for scale in [DVec3::ONE, DVec3::splat(1e-3), dvec3(1.0, 3.0, -0.2)] {
+                let instance = placed(shape.clone(), scale);
+                let sampler = AreaSampler::new(&instance.shape);
+                let once = sampler.clone().placed(&instance);
+                known += usize::from(once.uniform.is_some());
+                for (u_face, u) in grid(20) {
+                    let of = |s: &AreaSampler| s.sample(&instance, ID, 0.0, u_face, u);
+                    let (each, once) = (of(&sampler), of(&once));
+                    assert_eq!(each.point.p, once.point.p);
+                    let error = (each.pdf_a / once.pdf_a - 1.0).abs();
+                    assert!(error < 1e-12, "{shape:?} {scale}: {error}");
+                }
+            }
+        }
+        // all but lens surfaces under two scales, flat ones under the third
+        assert_eq!(known, 6 + 6 + 2);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! One placed shape and its bounds.
 
 use super::motion::Placement;
-use super::shape::LocalPoint;
+use super::shape::{LocalPoint, square};
 use super::{Shape, SurfaceId, SurfacePoint, Transform};
 use glam::{DAffine3, DVec3};
 
@@ -60,6 +60,22 @@ pub(super) fn placed_box(to_world: &DAffine3, (low, high): (DVec3, DVec3)) -> (D
     let rows = to_world.matrix3.transpose();
     let reach = [rows.x_axis, rows.y_axis, rows.z_axis].map(|row| row.abs().dot(half));
     (to_world.transform_point3(middle), reach.into())
+}
+
+/// The point of a flat shape on the z axis' plane that `p` of its own space is above, in the world.
+#[inline]
+pub(super) fn flat_to_world(id: InstanceId, placement: &Placement, p: DVec3) -> SurfacePoint {
+    let up = placement.normal_to_world(DVec3::Z);
+    SurfacePoint {
+        p: placement.to_world.transform_point3(p.with_z(0.0)),
+        ng: up,
+        ns: up,
+        uv: square(p.truncate()),
+        id: SurfaceId {
+            instance: id,
+            prim: 0,
+        },
+    }
 }
 
 /// A point of the shape, in the world.

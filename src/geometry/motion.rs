@@ -13,6 +13,7 @@
 use super::moment::Moment;
 use super::pose::{Pose, product_rule};
 use super::shutter::Shutter;
+use crate::math::frame::normalized;
 use glam::{DAffine3, DMat3, DVec3};
 use std::borrow::Cow;
 
@@ -23,6 +24,8 @@ pub struct Placement {
     pub to_world: DAffine3,
     /// From the world to the object's own space.
     pub to_object: DAffine3,
+    /// Unit world normal of what lies across the z axis of that space, as flat shapes do.
+    up: DVec3,
 }
 
 impl Placement {
@@ -30,26 +33,36 @@ impl Placement {
     pub const IDENTITY: Self = Self {
         to_world: DAffine3::IDENTITY,
         to_object: DAffine3::IDENTITY,
+        up: DVec3::Z,
     };
 
     /// The placement of an invertible map.
     #[must_use]
     pub fn new(to_world: DAffine3) -> Self {
+        let to_object = to_world.inverse();
         Self {
             to_world,
-            to_object: to_world.inverse(),
+            to_object,
+            up: (to_object.matrix3.transpose() * DVec3::Z).normalize(),
         }
     }
 
     /// A unit world normal from an object-space normal (inverse transpose).
     #[must_use]
     pub fn normal_to_world(&self, n: DVec3) -> DVec3 {
-        (self.to_object.matrix3.transpose() * n).normalize()
+        if n == DVec3::Z {
+            return self.up;
+        }
+        normalized(self.to_object.matrix3.transpose() * n)
     }
 }
 
 /// Where a thing is at each moment of the shutter.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "most things rest, and every ray that meets one reads its placement"
+)]
 pub enum Transform {
     /// At rest.
     Static(Placement),

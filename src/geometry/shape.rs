@@ -151,7 +151,6 @@ impl Shape {
     /// The point of face `prim` nearest to `p` (meshes: that with the barycentric `weights`) at
     /// `time`.
     pub(super) fn local_point(&self, prim: u32, p: DVec3, weights: DVec2, time: f64) -> LocalPoint {
-        let square = |q: DVec2| (q + 1.0) / 2.0;
         let flat = |p: DVec3, ng: DVec3, uv: DVec2| LocalPoint {
             p,
             ng,
@@ -218,4 +217,9 @@ impl Shape {
 fn turn(p: DVec3) -> f64 {
     let phi = p.y.atan2(p.x) / TAU;
     if phi < 0.0 { phi + 1.0 } else { phi }
+}
+/// Texture coordinates of a place in the square from -1 to 1.
+#[inline]
+pub(super) fn square(q: DVec2) -> DVec2 {
+    (q + 1.0) / 2.0
 }

@@ -126,6 +126,7 @@ impl AreaLight {
             .pdf(self.surface(geometry), &point, geometry.moment())
     }
 
+    #[inline]
     pub(super) fn sample_direct(
         &self,
         geometry: &AccelAt,

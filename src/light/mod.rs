@@ -316,6 +316,16 @@ impl Light {
         radius.atan2(center.distance(p))
     }
 
+    /// Whether the emission may vary over the light.
+    #[inline]
+    fn may_vary(&self) -> bool {
+        match &self.kind {
+            LightKind::Area(light) => light.pattern.is_some(),
+            LightKind::Environment(light) => light.image.is_some(),
+            _ => false,
+        }
+    }
+
     /// The factor on the emission at x₀, where it varies over the light.
     fn pattern_at(
         &self,
@@ -360,6 +370,7 @@ impl Light {
     /// Connects `x1` to the light. `None` where no light can arrive (behind, outside the cone or
     /// the aperture).
     #[must_use]
+    #[inline]
     pub fn sample_direct(
         &self,
         geometry: &AccelAt,
@@ -368,15 +379,20 @@ impl Light {
         u_face: f64,
         u: DVec2,
     ) -> Option<DirectSample> {
+        // before the rest is there, which then need not wait in memory
+        let emission = self.emission.sample(wavelengths);
         let mut sample = self.connect(geometry, x1, u_face, u)?;
-        sample.value *= self.emission.sample(wavelengths);
-        if let Some(pattern) = self.pattern_at(geometry, &sample.x0, wavelengths) {
+        sample.value *= emission;
+        if self.may_vary()
+            && let Some(pattern) = self.pattern_at(geometry, &sample.x0, wavelengths)
+        {
             sample.value *= pattern;
         }
         Some(sample)
     }
 
     /// `sample_direct` for unit emission.
+    #[inline]
     fn connect(
         &self,
         geometry: &AccelAt,
@@ -483,7 +499,7 @@ fn factor(value: f64) -> SampledSpectrum {
 /// Unit direction and distance; `None` where the points coincide.
 fn unit_from_to(from: DVec3, to: DVec3) -> Option<(DVec3, f64)> {
     let distance = from.distance(to);
-    (distance > 0.0).then(|| ((to - from) / distance, distance))
+    (distance > 0.0).then(|| ((to - from) * (1.0 / distance), distance))
 }
 
 /// The rigid motion that takes the origin to `position` and +z to `direction`.

@@ -402,20 +402,21 @@ impl Builder {
                 self.turn_outward(index, &mut object, &mut turned)?;
             }
             let instance = InstanceId(self.instances.len() as u32);
+            let placed = Instance {
+                shape: object.shape,
+                transform: object.transform,
+            };
             let light = object.emission.map(|emission| {
                 let area = AreaLight {
                     instance,
                     pattern: emission.pattern,
-                    sampler: samplers.of(&object.shape),
+                    sampler: samplers.of(&placed.shape).placed(&placed),
                     two_sided: emission.two_sided,
                 };
                 let light = Light::area(self.seen(emission.radiance), area);
                 self.add_light(light, object.name.clone(), Subject::Emission(index))
             });
-            self.instances.push(Instance {
-                shape: object.shape,
-                transform: object.transform,
-            });
+            self.instances.push(placed);
             let material = &self.materials[object.material.0 as usize];
             if self.polarization != Polarization::Average && !material.keeps_polarization() {
                 return Err(BuildError::NotPolarized {

@@ -83,6 +83,7 @@ impl<'s> Smooth<'s> {
         let Placement {
             to_world,
             to_object,
+            ..
         } = &self.placement;
         let corners = self.mesh.corners(prim, 0.0);
         let face = self.mesh.geometric_normal(prim, 0.0);
