@@ -44,11 +44,7 @@ impl<'a> Interface<'a> {
     /// `f` of each lane in use, 0 in the others.
     #[inline]
     pub(super) fn lanes(&self, mut f: impl FnMut(usize) -> f64) -> SampledSpectrum {
-        let mut out = SampledSpectrum::ZERO;
-        for k in 0..self.count {
-            out[k] = f(k) as f32;
-        }
-        out
+        SampledSpectrum::of_lanes(self.count, |k| f(k) as f32)
     }
 
     /// Indices above and below, averaged over the lanes in use: the same whichever lane is the

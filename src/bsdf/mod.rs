@@ -185,9 +185,21 @@ impl Bsdf<'_> {
     /// The non-specular label for given directions. Both densities come with the value: they cannot
     /// disagree.
     #[must_use]
+    #[inline]
     pub fn eval(&self, w_light: DVec3, w_camera: DVec3) -> BsdfEval {
+        match self.lobes {
+            [(weight, Lobe::Diffuse(lobe))] => {
+                let mut eval = lobe.eval(w_light, w_camera, &self.interface);
+                eval.g *= *weight;
+                eval
+            }
+            _ => self.eval_mixture(w_light, w_camera),
+        }
+    }
+
+    fn eval_mixture(&self, w_light: DVec3, w_camera: DVec3) -> BsdfEval {
         if let [(weight, lobe)] = self.lobes {
-            // most surfaces: no sums to keep
+            // no sums to keep
             let mut eval = lobe.eval(w_light, w_camera, &self.interface);
             eval.g *= *weight;
             return eval;
@@ -224,19 +236,22 @@ impl Bsdf<'_> {
     /// then two for the direction. `None` when the sample fails (GGX below the surface, nothing to
     /// scatter).
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
-        self.sample_clear(given, DVec3::Z, u[0])
-            .unwrap_or_else(|| self.sample_mixture(given, generate, u))
+        if let Some(found) = self.sample_clear(given, DVec3::Z, u[0]) {
+            return found;
+        }
+        match self.lobes {
+            [(weight, Lobe::Diffuse(lobe))] => lobe.sample(given.z, [u[1], u[2]]).map(|sample| {
+                let weight = sample.weight * *weight;
+                BsdfSample { weight, ..sample }
+            }),
+            _ => self.sample_mixture(given, generate, u),
+        }
     }
 
-    /// The same where [`Bsdf::sample_clear`] gives nothing to take.
-    pub(crate) fn sample_mixture(
-        &self,
-        given: DVec3,
-        generate: Side,
-        u: [f64; 3],
-    ) -> Option<BsdfSample> {
+    #[inline(never)]
+    fn sample_mixture(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
         let (lobe, rest) = self.choose_lobe(u[0])?;
         let above = given.z > 0.0;
         let cos = given.z.abs();

@@ -167,6 +167,19 @@ fn unit_spectrum(what: &str, value: &SpectrumTexture) -> Result<(), String> {
 }
 
 impl LobeSpec {
+    /// Reflectance at a point, if it is Lambertian and no more.
+    #[inline]
+    pub(super) fn lambertian(
+        &self,
+        uv: DVec2,
+        wavelengths: &SampledWavelengths,
+    ) -> Option<SampledSpectrum> {
+        match self {
+            Self::Diffuse { reflectance } => Some(reflectance.sample(uv, wavelengths)),
+            _ => None,
+        }
+    }
+
     /// The lobe at a point; with `multiple` scattering between facets or without.
     pub(super) fn build(
         &self,

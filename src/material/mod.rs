@@ -6,6 +6,7 @@ mod lobe;
 pub use lobe::{LobeSpec, SMOOTH_ALPHA};
 
 use crate::bsdf::albedo::Needs;
+use crate::bsdf::lobe::diffuse::Diffuse;
 use crate::bsdf::{Interface, Lobe};
 use crate::geometry::SurfacePoint;
 use crate::optics::Stack;
@@ -170,19 +171,19 @@ impl Material {
         out: &mut Vec<(f32, Lobe)>,
     ) {
         let multiple = !self.single_scattering;
-        let lobes = self
-            .lobes
-            .iter()
-            .map(|(weight, spec)| (weight.eval(uv).clamp(0.0, 1.0) * spec.share(), spec))
-            .filter(|(weight, _)| *weight > 0.0)
-            .take(MAX_LOBES)
-            .map(|(weight, spec)| {
-                (
-                    weight as f32,
-                    spec.build(uv, wavelengths, interface, multiple),
-                )
-            });
-        out.extend(lobes);
+        let end = out.len() + MAX_LOBES;
+        for (weight, spec) in &self.lobes {
+            let weight = weight.eval(uv).clamp(0.0, 1.0) * spec.share();
+            if weight > 0.0 && out.len() < end {
+                let weight = weight as f32;
+                // the commonest lobe is put together where it stays
+                if let Some(reflectance) = spec.lambertian(uv, wavelengths) {
+                    out.push((weight, Lobe::Diffuse(Diffuse { reflectance })));
+                } else {
+                    out.push((weight, spec.build(uv, wavelengths, interface, multiple)));
+                }
+            }
+        }
     }
 
     /// Adds what its rough lobes look up. The indices of dielectric interfaces are for the caller
