@@ -44,15 +44,20 @@ pub struct MediumKind {
     uses_k: bool,
     /// The index varies with wavelength.
     dispersive: bool,
+    /// Index or absorption varies with wavelength, or light is absorbed at all.
+    pub varies: bool,
 }
 
 impl Medium {
     /// Properties at all wavelengths, which its tables are searched for.
     #[must_use]
     pub fn kind(&self) -> MediumKind {
+        let uses_k = self.use_k && self.ior.is_absorbing();
+        let dispersive = self.ior.is_dispersive();
         MediumKind {
-            uses_k: self.use_k && self.ior.is_absorbing(),
-            dispersive: self.ior.is_dispersive(),
+            uses_k,
+            dispersive,
+            varies: dispersive || uses_k || self.absorption.is_some(),
         }
     }
 

@@ -144,21 +144,21 @@ impl<'a> AccelAt<'a> {
         self.closest_in_tree(ray, visible)
     }
 
-    /// The same, and what is known of the point that is hit: [`AccelAt::surface`] to rounding.
+    /// The same, and the point that is hit where it is known already: what [`AccelAt::surface`]
+    /// gives, to rounding.
     #[must_use]
     #[inline]
     pub fn closest_point(
         &self,
         ray: &Ray,
         visible: impl Fn(InstanceId) -> bool,
-    ) -> Option<(Hit, SurfacePoint)> {
+    ) -> Option<(Hit, Option<SurfacePoint>)> {
         if !self.accel.gaps.is_empty()
-            && let Some(found) = self.point_across_gap(ray, &visible)
+            && let Some((hit, point)) = self.point_across_gap(ray, &visible)
         {
-            return Some(found);
+            return Some((hit, Some(point)));
         }
-        let hit = self.closest_in_tree(ray, visible)?;
-        Some((hit, self.surface(ray, &hit)))
+        Some((self.closest_in_tree(ray, visible)?, None))
     }
 
     #[inline]
@@ -371,20 +371,26 @@ impl<'a> AccelAt<'a> {
 
     /// Full local geometry of a hit: position refined onto the surface, normals, uv.
     #[must_use]
+    #[inline(always)]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
         let instance = self.accel.instance(hit.id.instance);
-        if let (Shape::Lens(lens), Transform::Static(placement)) =
+        if let (Shape::Quad | Shape::Disk { .. }, Transform::Static(placement)) =
             (&instance.shape, &instance.transform)
         {
             let p = placement.to_object.transform_point3(ray.o + ray.d * hit.t);
-            let point = lens.point(hit.id.prim, p);
-            return instance::to_world(hit.id.instance, placement, &point);
+            return instance::flat_to_world(hit.id.instance, placement, p);
         }
+        self.surface_of(instance, ray, hit)
+    }
+
+    #[inline(never)]
+    fn surface_of(&self, instance: &Instance, ray: &Ray, hit: &Hit) -> SurfacePoint {
         let placement = instance.transform.at(self.moment);
         let p = placement.to_object.transform_point3(ray.o + ray.d * hit.t);
-        let point = instance
-            .shape
-            .local_point(hit.id.prim, p, hit.uv, self.moment.time());
+        let point = match &instance.shape {
+            Shape::Lens(lens) if !instance.is_moving() => lens.point(hit.id.prim, p),
+            shape => shape.local_point(hit.id.prim, p, hit.uv, self.moment.time()),
+        };
         instance::to_world(hit.id.instance, &placement, &point)
     }
 }

@@ -225,6 +225,7 @@ impl Sampler<'_> {
 
     /// Four numbers, each in [0, 1) with 53 random bits.
     #[must_use]
+    #[inline]
     pub fn set(&self, draw: Draw) -> [f64; 4] {
         if let Some(primary) = self.primary {
             return primary.set(self.index, draw);
@@ -256,6 +257,7 @@ impl Sampler<'_> {
         unit_f64(self.bits(kind, index, 0))
     }
 
+    #[inline]
     fn bits(&self, kind: u64, index: u64, component: u64) -> u64 {
         random_bits(self.key, kind << 58 | index << 2 | component)
     }

@@ -60,7 +60,7 @@ impl<'a> SceneAt<'a> {
         &self,
         ray: &Ray,
         visible: impl Fn(InstanceId) -> bool,
-    ) -> Option<(Hit, SurfacePoint)> {
+    ) -> Option<(Hit, Option<SurfacePoint>)> {
         self.geometry.closest_point(ray, visible)
     }
 

@@ -144,6 +144,8 @@ fn first(a: Option<InstanceId>, b: Option<InstanceId>) -> Option<InstanceId> {
 /// Media and coatings of a scene at the wavelengths of a path.
 #[derive(Debug, Default)]
 pub struct MediaLanes {
+    /// Lanes in use.
+    count: usize,
     media: Vec<MediumLanes>,
     /// Of each material; empty where none has a coating.
     coatings: Vec<CoatingLanes>,
@@ -199,10 +201,20 @@ impl MediaMemory {
 impl MediaLanes {
     /// Looks everything up at other wavelengths.
     fn update(&mut self, scene: &Scene, kinds: &Kinds, wavelengths: &SampledWavelengths) {
-        self.media.clear();
-        let media = scene.media.iter().zip(&kinds.media);
-        self.media
-            .extend(media.map(|(medium, kind)| medium.sample_as(*kind, wavelengths)));
+        let media = || scene.media.iter().zip(&kinds.media);
+        if self.count != wavelengths.count() {
+            self.count = wavelengths.count();
+            self.media.clear();
+            self.media
+                .extend(media().map(|(medium, kind)| medium.sample_as(*kind, wavelengths)));
+        } else {
+            // of air and the like nothing changes
+            for (lanes, (medium, kind)) in self.media.iter_mut().zip(media()) {
+                if kind.varies {
+                    *lanes = medium.sample_as(*kind, wavelengths);
+                }
+            }
+        }
         if kinds.coated.is_empty() {
             return;
         }
@@ -307,6 +319,7 @@ impl<'a> PathContext<'a> {
         let MediaLanes {
             media: all,
             coatings,
+            ..
         } = self.media;
         let [above, below] = media.map(|id| &all[id.0 as usize]);
         let coating = if coatings.is_empty() {

@@ -6,7 +6,7 @@ use super::density::{Column, EdgeDensity, NO_COLUMN, VertexDensity};
 use super::regularize::{Cone, SpecularKernel, specular_kernel};
 use super::throughput::Throughput;
 use crate::bsdf::lobe::dielectric::Dielectric;
-use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Label, Lobe, Side};
+use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Interface, Label, Lobe, Side};
 use crate::geometry::{EndPoint, InstanceId, SurfaceId};
 use crate::light::LightId;
 use crate::math::frame::Frame;
@@ -113,6 +113,7 @@ pub struct Scatterer<'a> {
 impl Scatterer<'_> {
     /// Value and densities of the non-specular label: [`Bsdf::eval`].
     #[must_use]
+    #[inline]
     pub fn eval(&self, w_light: DVec3, w_camera: DVec3) -> BsdfEval {
         self.bsdf
             .eval(self.frame.to_local(w_light), self.frame.to_local(w_camera))
@@ -136,13 +137,13 @@ impl Scatterer<'_> {
     /// Draws the direction of side `generate` for the `given` one, from the label and two numbers:
     /// [`Bsdf::sample`], but in world space.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
         if let Some(found) = self.bsdf.sample_clear(given, self.frame.z, u[0]) {
             return found;
         }
         let local = self.frame.to_local(given);
-        let mut sample = self.bsdf.sample_mixture(local, generate, u)?;
+        let mut sample = self.bsdf.sample(local, generate, u)?;
         sample.w = self.frame.to_outer(sample.w);
         Some(sample)
     }
@@ -329,12 +330,24 @@ impl Subpath {
     #[inline(always)]
     pub fn scatterer<'a>(&'a self, i: usize, context: &PathContext<'a>) -> Scatterer<'a> {
         let vertex = &self.vertices[i];
+        self.scatterer_between(i, context.interface(vertex.media, vertex.id.instance))
+    }
+
+    /// The same where the interface of the vertex is known.
+    #[must_use]
+    #[inline(always)]
+    pub(super) fn scatterer_between<'a>(
+        &'a self,
+        i: usize,
+        interface: Interface<'a>,
+    ) -> Scatterer<'a> {
+        let vertex = &self.vertices[i];
         let first = vertex.first_lobe as usize;
         Scatterer {
             frame: &vertex.frame,
             bsdf: Bsdf {
                 lobes: &self.lobes[first..first + usize::from(vertex.lobes)],
-                interface: context.interface(vertex.media, vertex.id.instance),
+                interface,
             },
         }
     }

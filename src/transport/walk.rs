@@ -65,7 +65,18 @@ struct VertexLobes {
 }
 
 impl VertexLobes {
+    #[inline]
     fn new(first: usize, lobes: &[(f32, Lobe)]) -> Self {
+        if let [(_, Lobe::Diffuse(_))] = lobes {
+            // most surfaces
+            return Self {
+                first: first as u32,
+                count: 1,
+                has_non_specular: true,
+                has_specular: false,
+                is_lambertian: true,
+            };
+        }
         Self {
             first: first as u32,
             count: lobes.len() as u8,
@@ -129,9 +140,10 @@ pub fn walk(
     let mut crossings = 0;
     loop {
         counters.closest_rays += 1;
-        let hit = scene.closest_point(&ray, |id| !has_passed || !scene.object(id).is_passed);
+        let is_visible = |id| !has_passed || !scene.object(id).is_passed;
+        let met = scene.closest_point(&ray, is_visible);
         if has_passed && generate == Side::Camera {
-            let length = hit.map_or(f64::INFINITY, |(hit, _)| hit.t);
+            let length = met.map_or(f64::INFINITY, |(hit, _)| hit.t);
             for &(id, sensor) in &scene.passed {
                 if !context.reads(sensor) {
                     continue;
@@ -154,7 +166,7 @@ pub fn walk(
                     });
             }
         }
-        let Some((hit, point)) = hit else {
+        let Some((hit, point)) = met else {
             let own = travel.solid_angle();
             let mut density = VertexDensity::new(own.hero);
             density.own_column = path.store_column(&own);
@@ -171,6 +183,10 @@ pub fn walk(
                 throughput,
             });
             return;
+        };
+        let mut point = match point {
+            Some(point) => point,
+            None => scene.geometry.surface(&ray, &hit),
         };
         let distance = passed + hit.t;
         // most surfaces have their place for themselves
@@ -217,23 +233,24 @@ pub fn walk(
             }
         }
         behind = stack;
-        let (met, clear, mismatch);
+        let (clear, mismatch);
+        let mut met = None;
         if is_simple {
             let Ok(alone) = cross_alone(&scene.objects, &point, ray.d, &mut behind) else {
                 counters.nesting_overflows += 1;
                 return;
             };
-            (met, mismatch, changes) = (point, alone.mismatch, alone.changes);
+            (mismatch, changes) = (alone.mismatch, alone.changes);
             clear = alone.clear && (!changes || behind.medium() == medium);
         } else {
             let Ok(crossing) = resolve(&scene.objects, &gathered, &stack, ray.d) else {
                 counters.nesting_overflows += 1;
                 return;
             };
-            met = gathered[crossing.met].point;
             (clear, mismatch) = (crossing.clear, crossing.mismatch);
             changes = crossing.behind.is_some();
             behind = crossing.behind.unwrap_or(stack);
+            met = Some(crossing.met);
         }
         if let Some(instance) = mismatch {
             counters.add_mismatch(instance);
@@ -247,7 +264,9 @@ pub fn walk(
             }
             continue;
         }
-        let point = met;
+        if let Some(met) = met {
+            point = gathered[met].point;
+        }
         let object = scene.object(point.id.instance);
         let entering = ray.d.dot(point.ng) < 0.0;
         if let Some(sensor) = object.sensor {
@@ -302,6 +321,7 @@ pub fn walk(
                 uv: point.uv,
             });
         }
+        let interface = context.interface(media, point.id.instance);
         let lobes = if object.is_smooth_interface {
             VertexLobes {
                 first: path.clear_lobe(),
@@ -315,7 +335,7 @@ pub fn walk(
             scene.material(object.material).push_lobes(
                 point.uv,
                 &context.wavelengths,
-                &context.interface(media, point.id.instance),
+                &interface,
                 &mut path.lobes,
             );
             VertexLobes::new(first, &path.lobes[first..])
@@ -359,7 +379,7 @@ pub fn walk(
         };
         let given = vertex.toward_previous;
         let [u_label, u_x, u_y, u_roulette] = sampler.set(draw);
-        let scatterer = path.scatterer(index, context);
+        let scatterer = path.scatterer_between(index, interface);
         let sampled = match (step, context.held) {
             (Some(step), _) => scatterer.sample_label(given, step.label),
             (None, Some(_)) => None,

@@ -117,10 +117,10 @@ fn segment(at: &AccelAt, random: &mut Random) -> Ray {
     let mut end = || {
         let from = random.point();
         let ray = Ray::new(from, random.direction());
-        let hit = at.closest_point(&ray, |_| true);
+        let hit = at.closest(&ray, |_| true);
         let kind = (random.unit() * 20.0) as u32;
         (
-            hit.map_or((from, None), |(hit, point)| (point.p, Some(hit.id))),
+            hit.map_or((from, None), |hit| (at.surface(&ray, &hit).p, Some(hit.id))),
             kind,
         )
     };
