@@ -25,6 +25,7 @@ use crate::transport::{
     Subpath, Throughput,
 };
 use glam::DVec2;
+use std::borrow::Cow;
 use std::mem;
 
 /// Light sub-paths that a sample traces. Whatever it is, the strategies that take them count in the
@@ -125,7 +126,14 @@ impl<'a> SensorJob<'a> {
     }
 
     /// The strategies of a pass for the paths of one pixel.
-    pub(super) fn strategies_of(&self, pass: &PassSettings, pixel: (u32, u32)) -> StrategySet<'a> {
+    pub(super) fn strategies_of(
+        &self,
+        pass: &PassSettings,
+        pixel: (u32, u32),
+    ) -> Cow<'_, StrategySet<'a>> {
+        if pass.cone == self.strategies.cone && self.strategies.merge.is_none() {
+            return Cow::Borrowed(&self.strategies);
+        }
         let samples = match (pass.merge_radius, &pass.shared) {
             (Some(radius), Some(shared)) => {
                 let paths = self.paths_by_hero[shared.hero(pixel) as usize];
@@ -133,11 +141,11 @@ impl<'a> SensorJob<'a> {
             }
             _ => 0.0,
         };
-        StrategySet {
+        Cow::Owned(StrategySet {
             cone: pass.cone,
             merge: self.strategies.merge.map(|m| Merge { samples, ..m }),
             ..self.strategies
-        }
+        })
     }
 
     pub(super) fn max_depth(&self) -> usize {
@@ -271,6 +279,7 @@ impl Workspace {
 }
 
 /// Wavelengths and media of one pixel's paths in a pass.
+#[inline(always)]
 pub(super) fn begin<'a>(
     job: &'a SensorJob<'a>,
     pass: &'a PassSettings,
@@ -387,12 +396,12 @@ fn sample(
     companions.iter_mut().for_each(Vec::clear);
     let context = begin(job, pass, (&sampler, (x, y)), response, placements, media);
     let max_depth = job.max_depth();
-    let strategies = job.strategies_of(pass, (x, y));
+    let strategies = &*job.strategies_of(pass, (x, y));
     let (raster, exposure) = if strategies.wants_camera_start() {
         start_camera(
             &context,
             job,
-            &strategies,
+            strategies,
             camera,
             (&sampler, (x, y)),
             counters,
@@ -405,7 +414,7 @@ fn sample(
     let margin = sensor.filter.margin();
     let mut joiner = Joiner {
         context: &context,
-        strategies: &strategies,
+        strategies,
         max_depth,
         raster,
         skip_point_images: !settings.show_point_lights && sensor.camera.is_delta(),
@@ -638,3 +647,5 @@ pub(super) fn start_light(
 mod definition;
 #[cfg(test)]
 mod fans;
+#[cfg(test)]
+mod two_terms;

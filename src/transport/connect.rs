@@ -220,31 +220,19 @@ impl<'a> Joiner<'a> {
                 *lane = value * weights.factor(j);
             }
         }
-        if !lanes.iter().all(|v| v.is_finite()) {
-            self.counters.non_finite += 1;
+        let Some(brightness) = self.finite_brightness(&lanes) else {
             return;
-        }
+        };
         let mut survival = 1.0;
         if !segments.is_empty() {
-            let bound = self
-                .strategies
-                .factors
-                .map(|f| f.roulette_bound(view.raster));
-            let threshold = self.context.pass.roulette_threshold;
-            let threshold = bound.map_or(threshold, |bound| threshold.min(bound));
-            if threshold > 0.0 {
-                let brightness = self.context.response.brightness(&lanes);
-                if brightness < threshold {
-                    survival = brightness / threshold;
-                    let labels = [view.edge.light_label, view.edge.camera_label];
-                    let [a, b] = labels.map(|label| usize::from(label.is_specular()));
-                    let solved = usize::from(view.made.is_some()) << 20;
-                    let draw = Draw::Roulette(view.s(), view.camera.len(), 2 * a + b + solved);
-                    if self.sampler.number(draw) >= survival {
-                        return;
-                    }
-                }
-            }
+            let labels = [view.edge.light_label, view.edge.camera_label];
+            let [a, b] = labels.map(|label| usize::from(label.is_specular()));
+            let solved = usize::from(view.made.is_some()) << 20;
+            let draw = Draw::Roulette(view.s(), view.camera.len(), 2 * a + b + solved);
+            let Some(played) = self.survival(brightness, view.raster, draw) else {
+                return;
+            };
+            survival = played;
             let open = if let Some(open) = candidate.open {
                 open
             } else if candidate.bridge.is_some() {
@@ -308,6 +296,32 @@ impl<'a> Joiner<'a> {
             Some(fan) => self.spread(fan, found),
             None => self.out.push(found),
         }
+    }
+
+    /// Brightness of a contribution; `None`, and counted, if a lane is not finite, which no
+    /// response turns into a number.
+    #[inline]
+    fn finite_brightness(&mut self, lanes: &[f64; MAX_LANES]) -> Option<f64> {
+        let brightness = self.context.response.brightness(lanes);
+        if !brightness.is_finite() {
+            self.counters.non_finite += 1;
+            return None;
+        }
+        Some(brightness)
+    }
+
+    /// Russian roulette before the shadow rays of a contribution: the probability with which it
+    /// goes on, `None` where it does not.
+    #[inline]
+    fn survival(&self, brightness: f64, raster: DVec2, draw: Draw) -> Option<f64> {
+        let bound = self.strategies.factors.map(|f| f.roulette_bound(raster));
+        let threshold = self.context.pass.roulette_threshold;
+        let threshold = bound.map_or(threshold, |bound| threshold.min(bound));
+        if brightness < threshold {
+            let survival = brightness / threshold;
+            return (self.sampler.number(draw) < survival).then_some(survival);
+        }
+        Some(1.0)
     }
 
     /// Chain of a path at its sensor, if that belongs to a fan: its lanes meet in a direction of

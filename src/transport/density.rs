@@ -344,15 +344,13 @@ impl PathView<'_> {
     #[must_use]
     pub fn has_columns(&self) -> bool {
         let edge = &self.edge;
+        let has = |v: &VertexDensity| v.own_column != NO_COLUMN || v.other_column != NO_COLUMN;
         edge.light_end.lanes.is_some()
             || edge.light_before.lanes.is_some()
             || edge.camera_end.lanes.is_some()
             || edge.camera_before.lanes.is_some()
-            || self
-                .light
-                .iter()
-                .chain(self.camera)
-                .any(|v| v.own_column != NO_COLUMN || v.other_column != NO_COLUMN)
+            || !self.light_columns.is_empty() && self.light.iter().any(has)
+            || !self.camera_columns.is_empty() && self.camera.iter().any(has)
     }
 
     /// Length of the edge from x_{i−1} to x_i, 1 <= i < n.

@@ -153,6 +153,7 @@ impl RoughSamples {
 impl<'a> Multipliers<'a> {
     /// For a path. Looks at the whole path only where the techniques call for it.
     #[must_use]
+    #[inline]
     pub fn new(path: &'a PathView<'a>, strategies: &'a StrategySet<'a>) -> Self {
         let mut out = Self {
             path,
@@ -523,6 +524,7 @@ pub fn serves_all_lanes(path: &PathView, dispersive: usize, technique: Technique
 /// The denominators of all lanes for the executed strategy of the path, with the numerator of its
 /// weight. `scratch` is overwritten. [theory (3.1), (3.2)]
 #[must_use]
+#[inline]
 pub fn denominator(
     multipliers: &Multipliers,
     wavelengths: &SampledWavelengths,
@@ -530,13 +532,22 @@ pub fn denominator(
 ) -> Denominator {
     let executed = Technique::of(multipliers.path);
     let preference = multipliers.preference(executed);
-    Denominator {
-        numerator: match multipliers.strategies.heuristic {
-            Heuristic::VarianceAware | Heuristic::Balance => preference,
-            Heuristic::Power2 => preference * multipliers.of(executed),
-        },
-        ..terms(multipliers, wavelengths, scratch)
-    }
+    let mut out = terms(multipliers, wavelengths, scratch);
+    out.numerator = match multipliers.strategies.heuristic {
+        Heuristic::VarianceAware | Heuristic::Balance => preference,
+        Heuristic::Power2 => preference * multipliers.of(executed),
+    };
+    out
+}
+
+/// Weight, without the lanes, of a path whose x₀ was drawn for x₁ (s = 1), where
+/// [`StrategySet::has_two_terms`] and all lanes have one density. `hit`: density of hitting x₀ over
+/// that of drawing it.
+#[must_use]
+#[inline]
+pub fn direct_weight(strategies: &StrategySet, hit: f64) -> f64 {
+    let hit = if strategies.hits { hit } else { 0.0 };
+    1.0 / (1.0 + strategies.heuristic.power(hit))
 }
 
 /// The same for merging at x_{s−1}, which camera and light sub-path have both generated; the path

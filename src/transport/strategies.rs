@@ -138,6 +138,14 @@ impl StrategySet<'_> {
         }
     }
 
+    /// Whether camera sub-paths that hit a light or are joined to one are all there is, each once
+    /// per pixel and pass and with no other factor on it, if these densities are `asked`.
+    #[must_use]
+    #[inline]
+    pub fn has_two_terms(&self, asked: &AskedDensities) -> bool {
+        !asked.from_light && self.factors.is_none() && !self.fans && self.disabled.is_empty()
+    }
+
     /// Takes as many light sub-paths per camera sub-path, and tries such a share of the pairs. With
     /// no light sub-paths at all only hits and connections to lights are left, and no chains.
     pub fn set_effort(&mut self, light_paths: f64, pairs: f64) {

@@ -1,16 +1,18 @@
 //! Strategies that end on a light: camera sub-paths that hit one (s = 0) or are connected to one (s
 //! = 1).
 
-use super::end::{End, EndStart, Receiver};
+use super::end::{End, EndLabels, EndStart, Receiver};
 use super::{Candidate, Joiner, Numerator};
+use crate::bsdf::BsdfEval;
 use crate::geometry::{EndPoint, Ray, SurfacePoint};
 use crate::light::{DirectSample, HitMeasure, LightId};
 use crate::medium::MediumId;
 use crate::sampler::Draw;
-use crate::spectrum::SampledSpectrum;
+use crate::spectrum::{MAX_LANES, SampledSpectrum};
 use crate::transport::aim::trail::Trail;
-use crate::transport::contribution::Target;
-use crate::transport::density::{Departure, Edge, EdgeDensity, PathView};
+use crate::transport::contribution::{Contribution, Target};
+use crate::transport::density::{Departure, Edge, EdgeDensity, PathView, VertexDensity};
+use crate::transport::mis::direct_weight;
 use crate::transport::subpath::{LightHit, Subpath};
 use crate::transport::throughput::Throughput;
 use glam::{DVec2, DVec3};
@@ -174,6 +176,7 @@ impl Joiner<'_> {
     }
 
     /// Draws a point of a light to be joined to `p`.
+    #[inline(always)]
     fn draw_light(&self, p: DVec3, draw: Draw) -> Option<DirectLight> {
         let u = self.sampler.set(draw);
         let (id, probability, u0) = self.context.scene.selection.sample(u[0])?;
@@ -236,11 +239,103 @@ impl Joiner<'_> {
         if drawn.sample.value.is_black(self.context.count()) {
             return;
         }
-        let labels = self.labels(camera, j, w);
+        let mut rough = None;
+        if vertex.has_non_specular {
+            let scatterer = camera.scatterer(j, self.context);
+            let eval = scatterer.eval(w, vertex.toward_previous);
+            if self.has_two_terms(camera, j, &eval) {
+                self.join_alone(camera, j, &drawn, &eval);
+                return;
+            }
+            rough = self.label_of(camera, &eval);
+        }
+        let labels = EndLabels {
+            rough,
+            specular: self.specular_label(camera, j, w),
+        };
         if !labels.is_empty() {
             let end = self.vertex_end(camera, j, w, &labels);
             self.join_light(&drawn, &end);
         }
+    }
+
+    /// Whether a path that is joined to a light at vertex `j` is made by that and by hitting the
+    /// light alone, with one density for all lanes, and nobody asks what it is like.
+    fn has_two_terms(&self, camera: &Subpath, j: usize, eval: &BsdfEval) -> bool {
+        if !self.strategies.has_two_terms(&self.context.asked)
+            || self.with_raw
+            || self.detailed
+            || self.context.held.is_some()
+        {
+            return false;
+        }
+        let is_specular = |v: &VertexDensity| v.label.is_specular();
+        let may_be_regularized = self.strategies.cone.is_some()
+            && (camera.vertices[j].has_specular || camera.densities[1..=j].iter().any(is_specular));
+        !may_be_regularized && camera.columns.is_empty() && eval.columns.is_none()
+    }
+
+    /// [`Joiner::join_light`] where [`Joiner::has_two_terms`]: the same value and weight, but no
+    /// more of the path is looked at than its end.
+    fn join_alone(&mut self, camera: &Subpath, j: usize, drawn: &DirectLight, eval: &BsdfEval) {
+        let count = self.context.count();
+        if eval.g.is_black(count) {
+            return;
+        }
+        let vertex = &camera.vertices[j];
+        let DirectSample {
+            x0,
+            toward: w,
+            distance,
+            pdf,
+            value,
+        } = drawn.sample;
+        let receiver = Receiver::of_light(self.light(drawn.id), &x0, w);
+        let hit = eval.pdf_light * receiver.factor(distance);
+        let weight = direct_weight(self.strategies, hit / (drawn.probability * pdf));
+        let medium = self.context.medium(vertex.medium(w));
+        let mut spectrum = vertex.throughput.lanes * eval.g * value;
+        if !medium.is_clear() {
+            spectrum *= medium.transmittance(distance, count);
+        }
+        let scale = vertex.throughput.scale * vertex.shading_cos(w) * weight / drawn.probability;
+        let mut lanes = [0.0; MAX_LANES];
+        if camera.densities[1..=j].iter().any(|v| v.dispersive) {
+            // each hero has made its own
+            for (k, lane) in lanes.iter_mut().enumerate().take(count) {
+                let heroes = self.context.wavelengths.multiplicity(k) as f64;
+                *lane = scale / heroes * f64::from(spectrum[k]);
+            }
+        } else {
+            let scale = scale / count as f64;
+            for (k, lane) in lanes.iter_mut().enumerate().take(count) {
+                *lane = scale * f64::from(spectrum[k]);
+            }
+        }
+        let Some(brightness) = self.finite_brightness(&lanes) else {
+            return;
+        };
+        let t = j + 2;
+        let Some(survival) = self.survival(brightness, self.raster, Draw::Roulette(1, t, 0)) else {
+            return;
+        };
+        let ray = Ray::leaving(vertex.p, w, Some(vertex.id)).ending(distance, x0.surface);
+        let stack = camera.stack(j, w);
+        let open = self.context.visibility(&ray, stack, self.counters);
+        if open == 0.0 {
+            return;
+        }
+        self.counters.connections_made += 1;
+        let scale = open / survival;
+        if scale != 1.0 {
+            lanes.iter_mut().for_each(|lane| *lane *= scale);
+        }
+        self.out.push(Contribution {
+            s: 1,
+            t: t as u32,
+            emitter: drawn.id,
+            ..Contribution::sum(Target::OwnPixel, lanes)
+        });
     }
 
     /// (1, 1) on a detector: its point is connected straight to a light. `weight` is that of the

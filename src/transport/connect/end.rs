@@ -6,7 +6,7 @@
 //! the joint knows are products of what one end sends and the other receives.
 
 use super::{Candidate, Joiner, Numerator};
-use crate::bsdf::Label;
+use crate::bsdf::{BsdfEval, Label};
 use crate::geometry::{EndPoint, Ray};
 use crate::light::{HitMeasure, Light, LightId};
 use crate::medium::MediumStack;
@@ -263,7 +263,12 @@ impl Joiner<'_> {
         }
         let (w_light, w_camera) = path.ordered(path.vertices[i].toward_previous, w);
         let eval = path.scatterer(i, self.context).eval(w_light, w_camera);
-        let (forward, backward) = EdgeDensity::of(&eval);
+        self.label_of(path, &eval)
+    }
+
+    /// The non-specular label of a vertex of `path` that scatters so.
+    pub(super) fn label_of(&self, path: &Subpath, eval: &BsdfEval) -> Option<EndLabel> {
+        let (forward, backward) = EdgeDensity::of(eval);
         let (behind, across) = path.ordered(backward, forward);
         (!eval.g.is_black(self.context.count())).then_some(EndLabel {
             label: Label::NonSpecular,
