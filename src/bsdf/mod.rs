@@ -236,11 +236,20 @@ impl Bsdf<'_> {
     /// then two for the direction. `None` when the sample fails (GGX below the surface, nothing to
     /// scatter).
     #[must_use]
-    #[inline(always)]
+    #[inline]
     pub fn sample(&self, given: DVec3, generate: Side, u: [f64; 3]) -> Option<BsdfSample> {
-        if let Some(found) = self.sample_clear(given, DVec3::Z, u[0]) {
-            return found;
-        }
+        self.sample_clear(given, DVec3::Z, u[0])
+            .unwrap_or_else(|| self.sample_lobes(given, generate, u))
+    }
+
+    /// The same where [`Bsdf::sample_clear`] gives nothing to take.
+    #[inline(always)]
+    pub(crate) fn sample_lobes(
+        &self,
+        given: DVec3,
+        generate: Side,
+        u: [f64; 3],
+    ) -> Option<BsdfSample> {
         match self.lobes {
             [(weight, Lobe::Diffuse(lobe))] => lobe.sample(given.z, [u[1], u[2]]).map(|sample| {
                 let weight = sample.weight * *weight;

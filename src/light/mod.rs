@@ -316,17 +316,8 @@ impl Light {
         radius.atan2(center.distance(p))
     }
 
-    /// Whether the emission may vary over the light.
-    #[inline]
-    fn may_vary(&self) -> bool {
-        match &self.kind {
-            LightKind::Area(light) => light.pattern.is_some(),
-            LightKind::Environment(light) => light.image.is_some(),
-            _ => false,
-        }
-    }
-
     /// The factor on the emission at x₀, where it varies over the light.
+    #[inline]
     fn pattern_at(
         &self,
         geometry: &AccelAt,
@@ -383,9 +374,7 @@ impl Light {
         let emission = self.emission.sample(wavelengths);
         let mut sample = self.connect(geometry, x1, u_face, u)?;
         sample.value *= emission;
-        if self.may_vary()
-            && let Some(pattern) = self.pattern_at(geometry, &sample.x0, wavelengths)
-        {
+        if let Some(pattern) = self.pattern_at(geometry, &sample.x0, wavelengths) {
             sample.value *= pattern;
         }
         Some(sample)

@@ -143,7 +143,7 @@ impl Scatterer<'_> {
             return found;
         }
         let local = self.frame.to_local(given);
-        let mut sample = self.bsdf.sample(local, generate, u)?;
+        let mut sample = self.bsdf.sample_lobes(local, generate, u)?;
         sample.w = self.frame.to_outer(sample.w);
         Some(sample)
     }

@@ -141,9 +141,9 @@ pub fn walk(
     loop {
         counters.closest_rays += 1;
         let is_visible = |id| !has_passed || !scene.object(id).is_passed;
-        let met = scene.closest_point(&ray, is_visible);
+        let found = scene.closest_point(&ray, is_visible);
         if has_passed && generate == Side::Camera {
-            let length = met.map_or(f64::INFINITY, |(hit, _)| hit.t);
+            let length = found.map_or(f64::INFINITY, |(hit, _)| hit.t);
             for &(id, sensor) in &scene.passed {
                 if !context.reads(sensor) {
                     continue;
@@ -166,7 +166,7 @@ pub fn walk(
                     });
             }
         }
-        let Some((hit, point)) = met else {
+        let Some((hit, point)) = found else {
             let own = travel.solid_angle();
             let mut density = VertexDensity::new(own.hero);
             density.own_column = path.store_column(&own);

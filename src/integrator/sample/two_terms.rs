@@ -75,7 +75,7 @@ fn weights_from_the_end_of_a_path_are_those_of_all_of_it() {
             ..Settings::default()
         };
         let crop = scene.sensors[0].whole_film();
-        // with a table, of which all must be known, every path is looked at as a whole
+        // a table asks for the classes of all paths, so that each is looked at as a whole
         let jobs = [false, true].map(|raw| SensorJob::new(&scene, 0, &settings, &crop, raw));
         let mut workspaces = [Workspace::default(), Workspace::default()];
         for index in 0..24 {

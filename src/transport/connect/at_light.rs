@@ -244,7 +244,7 @@ impl Joiner<'_> {
             let scatterer = camera.scatterer(j, self.context);
             let eval = scatterer.eval(w, vertex.toward_previous);
             if self.has_two_terms(camera, j, &eval) {
-                self.join_alone(camera, j, &drawn, &eval);
+                self.join_with_two_terms(camera, j, &drawn, &eval);
                 return;
             }
             rough = self.label_of(camera, &eval);
@@ -277,7 +277,13 @@ impl Joiner<'_> {
 
     /// [`Joiner::join_light`] where [`Joiner::has_two_terms`]: the same value and weight, but no
     /// more of the path is looked at than its end.
-    fn join_alone(&mut self, camera: &Subpath, j: usize, drawn: &DirectLight, eval: &BsdfEval) {
+    fn join_with_two_terms(
+        &mut self,
+        camera: &Subpath,
+        j: usize,
+        drawn: &DirectLight,
+        eval: &BsdfEval,
+    ) {
         let count = self.context.count();
         if eval.g.is_black(count) {
             return;
