@@ -3,7 +3,7 @@
 use crate::film::Crop;
 use crate::integrator::{SensorJob, Workspace, sample_pixel};
 use crate::spectrum::SensorResponse;
-use crate::transport::{Cone, Counters, PassSettings};
+use crate::transport::{Cone, PassSettings};
 use std::iter;
 
 /// Samples of a pilot.
@@ -18,21 +18,6 @@ const SHARE: f64 = 0.05;
 /// the mean brightness that is added to it.
 const REGIONS: u32 = 12;
 const DARK: f64 = 0.1;
-
-/// Prices, in units of a microsecond of a core of 2020: of a path pair, a ray that looks for the
-/// closest hit with the vertex there, a shadow ray, a connection.
-const PAIR: f64 = 1.0;
-const CLOSEST: f64 = 0.5;
-pub(super) const SHADOW: f64 = 0.2;
-const CONNECTION: f64 = 0.1;
-
-/// Cost of what was counted, at fixed prices: no clock is asked, so that it is the same everywhere.
-pub(super) fn price(counters: &Counters) -> f64 {
-    PAIR * counters.paths as f64
-        + CLOSEST * counters.closest_rays as f64
-        + SHADOW * counters.shadow_rays as f64
-        + CONNECTION * counters.connections_tried as f64
-}
 
 /// Regions of a crop, with the light that samples found in each.
 #[derive(Clone)]
