@@ -80,11 +80,12 @@ struct Key {
     normals: Option<Vec<[f32; 3]>>,
 }
 
-/// The tree of a part of the shutter, and the triangle of each of its leaves.
+/// The tree of a part of the shutter, and the triangle of each of its leaves where these are not in
+/// the order of the triangles.
 #[derive(Debug)]
 struct Segment {
     tree: MovingTree,
-    order: Vec<u32>,
+    order: Option<Vec<u32>>,
 }
 
 /// Corners between two keys.
@@ -232,7 +233,8 @@ fn normal(frames: &[KeyFrame], vertex: usize, t: f64) -> DVec3 {
 #[inline(always)]
 fn triangle(from: &Key, to: &Key, u: f64, prim: u32) -> Triangle {
     let (from, to) = (from.triangles.get(prim), to.triangles.get(prim));
-    [0, 1, 2].map(|i| lerp(from[i], to[i], u).as_vec3().to_array())
+    let corner = |i: usize| lerp(from[i], to[i], u).as_vec3().to_array();
+    [corner(0), corner(1), corner(2)]
 }
 
 impl Corners for Keyed {
@@ -269,7 +271,7 @@ impl Corners for Keyed {
 
     fn bytes(&self) -> usize {
         let key = |k: &Key| k.triangles.bytes() + 12 * k.normals.as_ref().map_or(0, Vec::len);
-        let segment = |s: &Segment| s.tree.bytes() + 4 * s.order.len();
+        let segment = |s: &Segment| s.tree.bytes() + 4 * s.order.as_ref().map_or(0, Vec::len);
         let segments: usize = self.segments.iter().map(segment).sum();
         self.keys.iter().map(key).sum::<usize>() + segments
     }
@@ -307,11 +309,20 @@ impl<'a> CornersAt for Between<'a> {
 
     #[inline(always)]
     fn prim(self, leaf: u32) -> u32 {
-        self.segment.order[leaf as usize]
+        match &self.segment.order {
+            None => leaf,
+            Some(order) => order[leaf as usize],
+        }
     }
 
     #[inline(always)]
-    fn fetch(self, _: u32) {}
+    fn fetch(self, leaf: u32) {
+        // the order would be waited for as well
+        if self.segment.order.is_none() {
+            self.from.triangles.fetch(leaf);
+            self.to.triangles.fetch(leaf);
+        }
+    }
 }
 
 impl Deforming {
@@ -329,7 +340,9 @@ impl Deforming {
         }
         let extent = mesh::extent(bounds);
         let mut whole = Keyed::cut(&keys(&frames, &triangles), shutter, extent, 1);
-        sort(&mut whole[0].order, &mut triangles, &mut frames, &mut uvs);
+        if let Some(order) = whole[0].order.take() {
+            sort(&order, &mut triangles, &mut frames, &mut uvs);
+        }
         let keys = keys(&frames, &triangles);
         let attributes = (keys[0].normals.is_some() || uvs.is_some()).then_some(Attributes {
             indices: triangles,
@@ -413,6 +426,7 @@ impl Keyed {
                 };
                 let count = keys[0].triangles.len();
                 let (tree, order) = MovingTree::build(count, tree::LEAF_LIMIT, ends);
+                let order = Some(order);
                 Segment { tree, order }
             })
             .collect()
@@ -470,15 +484,12 @@ fn keys(frames: &[KeyFrame], triangles: &[[u32; 3]]) -> Vec<Key> {
 /// Renumbers triangles and vertices in the order of the leaves of the only tree: what is tested
 /// together is near in memory.
 fn sort(
-    order: &mut [u32],
+    order: &[u32],
     triangles: &mut Vec<[u32; 3]>,
     frames: &mut [KeyFrame],
     uvs: &mut Option<Vec<[f32; 2]>>,
 ) {
     *triangles = order.iter().map(|&i| triangles[i as usize]).collect();
-    for (leaf, prim) in order.iter_mut().enumerate() {
-        *prim = leaf as u32;
-    }
     let mut old = Vec::new();
     let mut new = vec![u32::MAX; frames[0].positions.len()];
     for v in triangles.as_flattened_mut() {

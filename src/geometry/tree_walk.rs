@@ -140,32 +140,25 @@ fn ordered(
             let (mut hits, near) = boxes.hits(node, child.index(), entry, limit);
             if hits != 0 {
                 let near = near.to_array();
-                // distance in the upper half (positive floats sort like their bits), child in
-                // the lower
-                let mut next = || {
-                    let slot = take(&mut hits)?;
-                    let child = node.child(slot);
+                let fetch = |child| {
                     if is_large {
                         boxes.fetch_child(child, &fetch);
                     }
-                    Some(u64::from(near[slot].to_bits()) << 32 | u64::from(child.number()))
                 };
-                let (first, second) = (next(), next());
-                let nearest = match (first, second) {
-                    (Some(a), Some(b)) => {
-                        pending.push(a.max(b));
-                        let mut nearest = a.min(b);
-                        let mut count = 1;
-                        while let Some(c) = next() {
-                            pending.push(nearest.max(c));
-                            nearest = nearest.min(c);
-                            count += 1;
-                            sort_last(pending.last(count));
-                        }
-                        nearest
+                let mut nearest = take_child(node, &near, &mut hits, fetch);
+                if hits != 0 {
+                    let other = take_child(node, &near, &mut hits, fetch);
+                    pending.push(nearest.max(other));
+                    nearest = nearest.min(other);
+                    let mut count = 1;
+                    while hits != 0 {
+                        let other = take_child(node, &near, &mut hits, fetch);
+                        pending.push(nearest.max(other));
+                        nearest = nearest.min(other);
+                        count += 1;
+                        sort_last(pending.last(count));
                     }
-                    (a, _) => a.unwrap_or_default(),
-                };
+                }
                 child = Child::of(nearest as u32);
                 continue;
             }
@@ -312,6 +305,18 @@ fn take(hits: &mut u32) -> Option<usize> {
     let slot = hits.trailing_zeros() as usize % WIDTH;
     *hits &= *hits - 1;
     Some(slot)
+}
+
+/// The child of the lowest bit that is set (there is one), and unsets it: its distance in the upper
+/// half (positive floats sort like their bits), its number in the lower. As a closure it would be
+/// called, not put in place.
+#[inline(always)]
+fn take_child(node: &Node, near: &[f32; WIDTH], hits: &mut u32, fetch: impl Fn(Child)) -> u64 {
+    let slot = hits.trailing_zeros() as usize % WIDTH;
+    *hits &= *hits - 1;
+    let child = node.child(slot);
+    fetch(child);
+    u64::from(near[slot].to_bits()) << 32 | u64::from(child.number())
 }
 
 /// Moves the last number before those that are smaller.

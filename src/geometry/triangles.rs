@@ -69,18 +69,23 @@ impl Triangles {
     /// triangle of `other`.
     #[inline(always)]
     pub fn pass_between(&self, other: &Self, u: f32, filter: &TriangleFilter, index: u32) -> bool {
-        let rows = |of: &'_ Self| -> [Vec4; 3] {
-            let rows = &of.rows[9 * index as usize..][..10];
-            [0, 1, 2].map(|axis| Vec4::from_slice(&rows[3 * axis..][..4]))
-        };
-        let (from, to) = (rows(self), rows(other));
-        filter.passes(|axis| from[axis] + (to[axis] - from[axis]) * Vec4::splat(u))
+        let (from, to) = (self.row(index), other.row(index));
+        filter.passes(|axis| {
+            let [from, to] = [from, to].map(|row| Vec4::from_slice(&row[3 * axis..][..4]));
+            from + (to - from) * Vec4::splat(u)
+        })
+    }
+
+    /// The numbers of triangle `index`, and one more.
+    #[inline(always)]
+    fn row(&self, index: u32) -> &[f32] {
+        &self.rows[9 * index as usize..][..10]
     }
 
     /// Whether `filter` lets triangle `index` pass.
     #[inline(always)]
     pub fn pass(&self, filter: &TriangleFilter, index: u32) -> bool {
-        let rows = &self.rows[9 * index as usize..][..10];
-        filter.passes(|axis| Vec4::from_slice(&rows[3 * axis..][..4]))
+        let row = self.row(index);
+        filter.passes(|axis| Vec4::from_slice(&row[3 * axis..][..4]))
     }
 }
