@@ -2,7 +2,7 @@
 //! picture.
 
 use super::args::BandingOptions;
-use super::{CliError, Outcome, print, threads};
+use super::{CliError, Outcome, ending, print, threads};
 use crate::io::atomic::write_atomic;
 use crate::io::destination::Claims;
 use crate::io::loaded;
@@ -19,6 +19,7 @@ pub fn run(options: &BandingOptions) -> Result<Outcome, CliError> {
     for path in [&options.output, &json_path, &picture_path] {
         claims.output(path)?;
     }
+    ending::check(&options.output, "pages are HTML files", &["html"])?;
     let study = BandingStudy {
         scene: options.scene.clone(),
         overrides: options.overrides.set.clone(),

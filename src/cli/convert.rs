@@ -1,7 +1,7 @@
 //! `abbe convert`: an editable scene file that refers to a model.
 
 use super::args::ConvertOptions;
-use super::{CliError, Outcome, print, tell};
+use super::{CliError, Outcome, ending, print, tell};
 use crate::io::atomic::{folder, write_atomic};
 use crate::io::convert::scene_text;
 use crate::io::destination::Claims;
@@ -21,6 +21,7 @@ pub fn run(options: &ConvertOptions) -> Result<Outcome, CliError> {
         .map_err(|message| CliError::file(path, message))?;
     let inputs = [path].into_iter().chain(&read.files);
     Claims::of_inputs(inputs).output(&options.output)?;
+    ending::check(&options.output, "scenes are TOML files", &["toml"])?;
     for note in &read.notes {
         tell(&format!("warning: {note}"));
     }

@@ -1,6 +1,7 @@
 //! `abbe develop`: pictures of images and parts.
 
 use super::args::DevelopOptions;
+use super::ending;
 use super::image_output::{preview_path, preview_text};
 use super::{CliError, Outcome, print};
 use crate::develop::{Development, Exposure};
@@ -28,6 +29,10 @@ pub fn run(options: &DevelopOptions) -> Result<Outcome, CliError> {
     let mut claims = Claims::of_inputs(&options.images);
     for source in &options.images {
         claims.output(&target(options, source))?;
+    }
+    if let Some(output) = &options.output {
+        let written = "pictures are PNG files, or SVG files as figures";
+        ending::check(output, written, &["png", "svg"])?;
     }
     for source in &options.images {
         develop(options, source)?;

@@ -123,23 +123,6 @@ impl FilmTargets {
     }
 }
 
-/// Refuses a name that promises another format than OpenEXR.
-///
-/// # Errors
-/// The name does not end in `.exr`.
-pub fn check_ending(path: &Path) -> Result<(), CliError> {
-    if path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("exr"))
-    {
-        return Ok(());
-    }
-    Err(CliError::Usage(format!(
-        "{}: images are OpenEXR files (allowed: a name that ends in .exr; a PNG preview is written beside it)",
-        path.display()
-    )))
-}
-
 /// The preview beside an image.
 #[must_use]
 pub fn preview_path(image: &Path) -> PathBuf {

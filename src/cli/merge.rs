@@ -1,7 +1,8 @@
 //! `abbe merge`: the images of disjoint passes, from their exact sums.
 
 use super::args::MergeOptions;
-use super::image_output::{FilmTargets, check_ending};
+use super::ending;
+use super::image_output::FilmTargets;
 use super::{CliError, Outcome, print, tell};
 use crate::io::destination::Claims;
 use crate::io::part::{self, Part, PartError};
@@ -9,7 +10,7 @@ use std::path::Path;
 
 /// Runs the command.
 pub fn run(options: &MergeOptions) -> Result<Outcome, CliError> {
-    check_ending(&options.output)?;
+    ending::image(&options.output)?;
     let mut claims = Claims::of_inputs(&options.parts);
     if let Some(part) = &options.part {
         claims.output(part)?;

@@ -10,6 +10,7 @@ mod compare;
 mod convert;
 mod cost;
 mod develop;
+mod ending;
 mod error;
 mod glass;
 mod image_output;

@@ -2,7 +2,8 @@
 //! files.
 
 use super::args::RenderOptions;
-use super::image_output::{check_ending, of_sensor, preview_path};
+use super::ending;
+use super::image_output::{of_sensor, preview_path};
 use super::interrupt::{self, Interrupts};
 use super::memory::{self, Need};
 use super::progress::{Progress, Waiting};
@@ -186,7 +187,7 @@ fn check_targets(
     targets: &[Targets],
 ) -> Result<(), CliError> {
     for target in targets {
-        check_ending(&target.image)?;
+        ending::image(&target.image)?;
     }
     let mut claims = Claims::of_inputs(&loaded.files);
     let images = targets
@@ -195,6 +196,9 @@ fn check_targets(
     let all = images.chain([options.part.as_ref(), options.stats.as_ref()]);
     for path in all.flatten() {
         claims.output(path)?;
+    }
+    if let Some(path) = &options.stats {
+        ending::check(path, "statistics are JSON files", &["json"])?;
     }
     Ok(())
 }

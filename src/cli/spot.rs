@@ -2,7 +2,7 @@
 //! detector.
 
 use super::args::SpotOptions;
-use super::{CliError, Outcome, print};
+use super::{CliError, Outcome, ending, print};
 use crate::io::atomic;
 use crate::io::destination::Claims;
 use crate::io::exr;
@@ -17,6 +17,7 @@ pub fn run(options: &SpotOptions) -> Result<Outcome, CliError> {
     let mut claims = Claims::of_inputs([path]);
     if let Some(drawing) = &options.drawing {
         claims.output(drawing)?;
+        ending::drawing(drawing)?;
     }
     let request = SpotRequest {
         window: options.window,

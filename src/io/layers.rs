@@ -12,7 +12,7 @@ use std::str::FromStr;
 use std::sync::PoisonError;
 
 /// An extra layer of the image.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Layer {
     /// Standard error of Y.
     Error,
@@ -118,13 +118,21 @@ impl Layer {
 /// table of classes in its statistics.
 ///
 /// # Errors
-/// An expression over classes names what the scene does not have.
+/// A layer is asked for twice, or an expression over classes names what the scene does not have.
 pub fn request(
     loaded: &Loaded,
     layers: &[Layer],
     bins: Option<u16>,
     class_table: bool,
 ) -> Result<OutputRequest, String> {
+    for (i, layer) in layers.iter().enumerate() {
+        if layers[..i].contains(layer) {
+            return Err(format!(
+                "the layer {} is asked for twice",
+                layer.meaning().0
+            ));
+        }
+    }
     let spectral = bins.map(|bins| loaded.spectral_channels(bins));
     let class = |layer: &Layer| match layer {
         Layer::Class(source) => {

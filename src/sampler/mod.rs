@@ -469,8 +469,8 @@ mod tests {
         }
     }
 
-    /// What four lanes leave of a pixel's number (its place within a quarter) is no more alike along
-    /// columns and rows than random numbers: else images have stripes.
+    /// Four lanes leave of a number its place within a quarter: this is no more alike along columns
+    /// and rows than random numbers are, else images have stripes.
     #[test]
     fn columns_and_rows_have_no_colors_of_their_own() {
         let side = 64;

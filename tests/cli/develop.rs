@@ -120,6 +120,11 @@ fn wrong_requests_say_what_is_allowed() {
         ),
         ("develop a.exr -o a.exr", 2, "is read by this command"),
         (
+            "develop a.exr -o b.exr",
+            2,
+            "a name that ends in .png or .svg",
+        ),
+        (
             "develop a.exr other/a.exr -o a.exr",
             2,
             "there are several images",

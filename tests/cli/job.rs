@@ -51,6 +51,8 @@ fn workers_that_are_killed_leave_the_bytes_of_one_run() {
             worker.wait().expect("ends");
         }
     }
+    let message = fail(dir.path(), "job run job --chunks 19..21", 2);
+    assert!(message.contains("0 <= A < B <= 20"), "{message}");
     succeed(dir.path(), "job run job --worker last");
     let status = json(&succeed(dir.path(), "job status job --json"));
     assert_eq!(status["done"], 20, "{status}");

@@ -252,7 +252,17 @@ fn messages_say_what_to_write_instead() {
         (
             "render scene.toml -o a.png",
             2,
-            "error: a.png: images are OpenEXR files (allowed: a name that ends in .exr; a PNG preview is written beside it)\n",
+            "error: a.png: images are OpenEXR files, beside which a PNG preview is written (allowed: a name that ends in .exr)\n",
+        ),
+        (
+            "render scene.toml --stats a.txt",
+            2,
+            "error: a.txt: statistics are JSON files (allowed: a name that ends in .json)\n",
+        ),
+        (
+            "render scene.toml --aov depth,error,depth",
+            2,
+            "error: the layer depth is asked for twice\n",
         ),
     ] {
         assert_eq!(fail(dir.path(), arguments, code), expected);

@@ -203,7 +203,10 @@ fn a_resumed_render_keeps_the_weights_of_its_part() {
     // passes with other weights are no parts of it
     let other = rendered(&long, 2..4);
     let message = merge([first.clone(), other]).unwrap_err().to_string();
-    assert_eq!(message, "parts differ in passes of the pilot: 1 and 4");
+    assert_eq!(
+        message,
+        "parts differ in passes of the pilot, by the samples per pixel of their renders: 1 and 4"
+    );
     // a pilot that no render has
     let mut damaged = first;
     damaged.header.pilot = 1_000_000;

@@ -344,7 +344,7 @@ emission = 4
 "#
         ),
         batches: 16,
-        passes: [75, 440, 64],
+        passes: [75, 530, 64],
         classes: &["LDE", "LDDE", "LDDDE"],
         specular_in_view: false,
         resolution: 2e-3,

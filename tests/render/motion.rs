@@ -107,7 +107,7 @@ motion = [{ about = [0, 1.9, 0.4], interpolation = "cubic", keys = [
 "#
         ),
         batches: 16,
-        passes: [160, 50, 60],
+        passes: [200, 50, 60],
         classes: &["LDE", "LDDE", "LDSE", "LSDE"],
         specular_in_view: true,
         resolution: 2e-3,

@@ -257,7 +257,7 @@ emission = 1
 #[test]
 fn lanes_cross_dispersive_glass() {
     let (scene, settings) = scene(FLINT);
-    let passes = 270 * test_scale();
+    let passes = 340 * test_scale();
     for lanes in [1, 4, 8] {
         let settings = Settings {
             lanes,

@@ -2,7 +2,8 @@
 
 use super::run::damage;
 use crate::cli::args::CollectOptions;
-use crate::cli::image_output::{FilmTargets, check_ending};
+use crate::cli::ending;
+use crate::cli::image_output::FilmTargets;
 use crate::cli::{CliError, Outcome, print, tell};
 use crate::io::destination::Claims;
 use crate::io::part;
@@ -14,7 +15,7 @@ use crate::report::readable::counted;
 /// Runs the command.
 pub fn run(options: &CollectOptions) -> Result<Outcome, CliError> {
     let job = Folder::open(&options.job)?;
-    check_ending(&options.output)?;
+    ending::image(&options.output)?;
     let header = &job.manifest.header;
     let targets = FilmTargets::of(header, &options.output, !options.no_preview);
     let mut claims = Claims::of_inputs([options.job.join("job.json")]);

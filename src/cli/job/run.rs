@@ -6,11 +6,13 @@ use crate::cli::{CliError, Outcome, interrupt, memory, print, tell, threads};
 use crate::job::work::{self, End, Event, Summary};
 use crate::job::{Folder, JobError, thaw};
 use crate::report::readable::counted;
+use std::ops::Range;
 use std::sync::Mutex;
 
 /// Runs the command.
 pub fn run(options: &RunOptions) -> Result<Outcome, CliError> {
     let job = Folder::open(&options.job)?;
+    check_chunks(&job, options.chunks.as_ref())?;
     let pool = threads::pool(options.threads)?;
     let scene = memory::guarded(None, || pool.install(|| thaw::scene(&job)))??;
     let interrupts = interrupt::listen()?;
@@ -36,7 +38,7 @@ pub fn run(options: &RunOptions) -> Result<Outcome, CliError> {
         Err(JobError::Interrupted) => return Ok(Outcome::Interrupted),
         done => done?,
     };
-    say(balance(&summary));
+    say(balance(&summary, options.chunks.is_some()));
     let is_interrupted = summary.end == End::Interrupted;
     printed.into_inner().unwrap_or(Ok(()))?;
     Ok(if is_interrupted {
@@ -44,6 +46,18 @@ pub fn run(options: &RunOptions) -> Result<Outcome, CliError> {
     } else {
         Outcome::Done
     })
+}
+
+/// Refuses chunks that a job does not have.
+fn check_chunks(job: &Folder, asked: Option<&Range<u32>>) -> Result<(), CliError> {
+    let count = job.manifest.chunks().count();
+    match asked {
+        Some(asked) if asked.end > count => Err(CliError::Usage(format!(
+            "--chunks {}..{}: no such chunks (allowed: A..B with 0 <= A < B <= {count})",
+            asked.start, asked.end
+        ))),
+        _ => Ok(()),
+    }
 }
 
 fn news(event: &Event, say: &dyn Fn(String)) {
@@ -86,7 +100,8 @@ pub(super) fn damage(found: &crate::job::parts::Damaged) -> String {
     )
 }
 
-fn balance(summary: &Summary) -> String {
+/// Balance of a worker in words, of `chosen` chunks or of all.
+fn balance(summary: &Summary, chosen: bool) -> String {
     let Summary {
         worker,
         report,
@@ -95,6 +110,7 @@ fn balance(summary: &Summary) -> String {
         end,
     } = summary;
     let end = match end {
+        End::Complete if chosen => "the chunks asked for are done".to_owned(),
         End::Complete => "all chunks are done".to_owned(),
         End::TargetReached(error) => format!("the error is {:.3} %", 100.0 * error),
         End::OthersLeft => "others work on what is left".to_owned(),

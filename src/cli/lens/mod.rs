@@ -5,7 +5,7 @@ mod plots;
 mod report;
 
 use super::args::LensOptions;
-use super::{CliError, Outcome, print};
+use super::{CliError, Outcome, ending, print};
 use crate::io::atomic;
 use crate::io::destination::Claims;
 use crate::optics::{Prescription, Wavelength, stacks};
@@ -117,6 +117,7 @@ pub fn run(options: &LensOptions) -> Result<Outcome, CliError> {
     let outputs = [&options.drawing, &options.spots, &options.fans];
     for path in outputs.into_iter().flatten() {
         claims.output(path)?;
+        ending::drawing(path)?;
     }
     let report = report::Report::new(&lens, options.ghosts.map(usize::from));
     let printed = print(&if options.json {

@@ -116,7 +116,7 @@ fn check_same(a: &PartHeader, b: &PartHeader) -> Result<(), PartError> {
     differ("spectral channels", spectral(a), spectral(b))?;
     differ("exponent", a.exponent.to_string(), b.exponent.to_string())?;
     differ(
-        "passes of the pilot",
+        "passes of the pilot, by the samples per pixel of their renders",
         a.pilot.to_string(),
         b.pilot.to_string(),
     )
