@@ -22,6 +22,10 @@ pub fn run(options: &ConvertOptions) -> Result<Outcome, CliError> {
     let inputs = [path].into_iter().chain(&read.files);
     Claims::of_inputs(inputs).output(&options.output)?;
     ending::check(&options.output, "scenes are TOML files", &["toml"])?;
+    if options.output.exists() && !options.overwrite {
+        let message = "is there already (allowed: the name of a new file, or --overwrite)";
+        return Err(CliError::file(&options.output, message));
+    }
     for note in &read.notes {
         tell(&format!("warning: {note}"));
     }

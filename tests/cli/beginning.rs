@@ -56,6 +56,25 @@ fn new_leaves_files_alone() {
 }
 
 #[test]
+fn conversion_leaves_edited_scenes_alone() {
+    let dir = folder();
+    succeed(dir.path(), "new model scene_of_it.toml");
+    let convert = "convert scene_of_it.obj -o own.toml";
+    succeed(dir.path(), convert);
+    let converted = bytes(&dir, "own.toml");
+    std::fs::write(dir.path().join("own.toml"), "# edited\n").expect("writes");
+    let message = fail(dir.path(), convert, 1);
+    let expected =
+        "error: own.toml: is there already (allowed: the name of a new file, or --overwrite)\n";
+    assert_eq!(message, expected);
+    assert_eq!(bytes(&dir, "own.toml"), b"# edited\n");
+    succeed(dir.path(), &format!("{convert} --overwrite"));
+    assert!(bytes(&dir, "own.toml") == converted);
+    let message = fail(dir.path(), "convert scene_of_it.obj -o own.obj", 2);
+    assert!(message.contains("a name that ends in .toml"), "{message}");
+}
+
+#[test]
 fn help_of_a_command_is_its_own() {
     let dir = folder();
     let help = succeed(dir.path(), "help render");

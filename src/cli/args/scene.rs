@@ -186,6 +186,9 @@ pub struct ConvertOptions {
     /// The scene file to write, in the model's folder or above it
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// Takes the place of a scene file that is there
+    #[arg(long)]
+    pub overwrite: bool,
     /// Prints nothing but warnings and errors
     #[arg(short, long)]
     pub quiet: bool,
